@@ -62,13 +62,15 @@ class MaterialPoints:
 class TrueMotion:
     """How material points of the scene that ``objects`` are of move from frame to frame.
 
-    Frames are numbers, None is unloaded; cameras are known by their names. ``first``: the surfaces
-    in frame 0, where no more is known yet.
+    Frames are numbers; None: bodies unloaded, props as in frame 0. Cameras are known by their
+    names. ``first``: the surfaces in frame 0 and unloaded, where no more is known yet.
     """
 
     def __init__(self, objects: SceneObjects, first: Sequence[Surface] = ()) -> None:
         self.objects, self.scene = objects, objects.scene
-        self._surfaces: dict[int | None, Sequence[Surface]] = {0: first} if first else {}
+        self._surfaces: dict[int | None, Sequence[Surface]] = (
+            {0: first, None: first} if first else {}
+        )
         self._views: dict[tuple[str, int | None], PointLocation] = {}
 
     def camera(self, name: str) -> Camera:
@@ -79,10 +81,27 @@ class TrueMotion:
     def surfaces(self, frame: int | None) -> Sequence[Surface]:
         """All surfaces in a frame, bodies first."""
         if frame not in self._surfaces:
-            self._surfaces[frame] = self.objects.surfaces(frame)
+            shown = self.objects.surfaces(frame)
+            if frame is None:
+                bodies = len(self.objects.bodies)
+                shown[bodies:] = self.surfaces(0)[bodies:]
+            self._surfaces[frame] = shown
             while len(self._surfaces) > _KEPT:
                 del self._surfaces[next(iter(self._surfaces))]
         return self._surfaces[frame]
+
+    @property
+    def starts_unloaded(self) -> bool:
+        """Whether no body has moved in frame 0."""
+        return all(shown.unloaded for shown in self.objects.frames[:1])
+
+    def unmoved(self, frame: int) -> bool:
+        """Whether everything stands in a frame where it does in frame 0."""
+        shown = self.objects.frames
+        return shown[frame] == shown[0] or all(
+            np.array_equal(now.points, before.points)
+            for now, before in zip(self.surfaces(frame), self.surfaces(0), strict=True)
+        )
 
     def seen_at(self, camera: str, pixels: Float, frame: int | None = 0) -> MaterialPoints:
         """The material points that a camera sees at ``pixels`` (P, 2), any fraction of one, in a

@@ -6,7 +6,7 @@ what measures by it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import reduce
 from operator import or_
 from typing import Annotated, Any, ClassVar, get_args
@@ -36,7 +36,8 @@ class MeasureTable(Table):
       named by its ``type``;
     - ``compares_variants``: whether it compares what other measures have found in the variants: no
       state of the scene has it, and it needs no pictures;
-    - ``least_frames``: so many have to be there, the first one of them as the reference.
+    - ``least_frames``: so many have to be there, the first one of them as the reference;
+    - ``endings``: what names of its files have behind its own, which no other measure may be named.
     """
 
     name: Name
@@ -48,6 +49,7 @@ class MeasureTable(Table):
     package: ClassVar[str] = ""
     compares_variants: ClassVar[bool] = False
     least_frames: ClassVar[int] = 2
+    endings: ClassVar[Sequence[str]] = ()
 
     @classmethod
     def kind(cls) -> str:

@@ -135,6 +135,7 @@ class StereoTable(MarkerMeasureTable):
 
     type: Literal["stereo"]
     references = {"cameras": "camera", **MarkerMeasureTable.references}
+    endings = ("-cameras",)
 
     cameras: Annotated[tuple[Name, ...], Listed(2, different=True)]
     """The first one's coordinates are the rig's."""
@@ -201,6 +202,7 @@ class DicTable(CorrelationTable):
 
     type: Literal["dic"]
     references = {**CorrelationTable.references, "roi.paint": "paint"}
+    endings = "-statistics", "-parts"
 
     roi: RegionTable | None = None
     """What is measured; by default what is painted with speckle or a picture, else all bodies."""
@@ -249,6 +251,7 @@ class DamageTable(MeasureTable):
     type: Literal["damage"]
     references = {"of": "measure of a deflection", "reference": "variant"}
     compares_variants = True
+    endings = ("-breaks",)
 
     of: Name
     """The [[measure]] of type "deflection" that every variant makes."""

@@ -122,6 +122,7 @@ class _Checks:
 
         for key in ("material", "camera", "light", "measure", "variant"):
             unique((), self.document, key, {})
+        self.files_of_measures()
         things: dict[str, Keys] = {}  # bodies and props are both things in the picture,
         paints: dict[str, Keys] = {}  # and measurements know paints by their name alone
         for key, items in (("body", self.bodies), ("prop", self.props)):
@@ -131,6 +132,21 @@ class _Checks:
         for index, body in self.bodies:
             for key in ("support", "load"):
                 unique(("body", index), body, key, {})
+
+    def files_of_measures(self) -> None:
+        """No measure has the name of another one's files."""
+        files = {
+            f"{measure.get('name')}{ending}".casefold(): measure.get("name")
+            for _, measure in self.measures
+            for table in [TABLES.get(str(measure.get("type")))] if table
+            for ending in table.endings
+        }  # fmt: skip
+        for index, measure in self.measures:
+            name = measure.get("name")
+            if isinstance(name, str) and name.casefold() in files:
+                of = value_text(files[name.casefold()])
+                self.add(("measure", index, "name"), f"files of measure {of} are called so", name,
+                         "another name")  # fmt: skip
 
     def references_of_bodies(self) -> None:
         materials = _names(self.materials)

@@ -2,6 +2,7 @@
 
 In the order in which data passes:
 
+- `lone_points`: Points that few others are near: whether they were found where they really are.
 - `correlating`: The pictures of a scene correlated: points, masks, and what was found at them.
 - `true_field`: The true displacement of all that a region of interest sees, as subsets see it.
 - `point_fields`: Fields at points over frames, measured and true, and how they were measured.

@@ -27,6 +27,7 @@ from gpusim.pipeline.measurements.dic.field_measurement import (
     columns_of_places,
     compared_columns,
     shape_columns,
+    span_a_surface,
     strain_columns,
     where_measured,
 )
@@ -36,8 +37,6 @@ from gpusim.pipeline.measurements.dic.rig import calibrated_rig, rig_of
 from gpusim.pipeline.measurements.dic.true_field import TrueField, region_of_second_camera
 from gpusim.pipeline.measurements.results import Columns
 from gpusim.scene.description import model as m
-
-LEAST_ALIGNED = 3
 
 
 class CameraPair(FieldMeasurement):
@@ -93,7 +92,7 @@ class CameraPair(FieldMeasurement):
             np.array([where_measured(found[-1].ok, one) for one in each])
             for each in (before, after)
         ]
-        enough = np.count_nonzero(found[-1].ok) >= LEAST_ALIGNED
+        enough = span_a_surface(points[found[-1].ok])
         readings = readings_of_pair(rig_of(cameras), rig, pixels, place) if enough else {}
         strain = None if spec.strain == "none" else partial(_gauge_strain, spec, found[-1])
         known = known_errors(readings, strain)
@@ -104,10 +103,10 @@ class CameraPair(FieldMeasurement):
         """The rigid motion from the rig's axes to the structure's, from the points' places in the
         first pictures."""
         for one in found:
-            if np.count_nonzero(one.ok) >= LEAST_ALIGNED:
+            if span_a_surface(one.points[one.ok]):
                 return measure.align(one.shape, place)
         raise GpusimError(
-            f"{self.what}: got less than {LEAST_ALIGNED} points that both cameras see in any "
+            f"{self.what}: got no three points, not on one line, that both cameras see in any "
             "frame; expected a textured surface that both see"
         )
 

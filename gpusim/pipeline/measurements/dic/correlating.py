@@ -7,6 +7,7 @@ region of interest, which the truth draws as a tester would by hand.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import cv2
@@ -16,6 +17,7 @@ import numpy.typing as npt
 from gpusim import measure
 from gpusim.arrays.array_types import Bool, Float
 from gpusim.errors import InputError
+from gpusim.pipeline.measurements.dic.lone_points import without_chance_matches
 from gpusim.pipeline.measurements.sources import Sources
 from gpusim.scene.description import model as m
 
@@ -70,11 +72,18 @@ def correlate_pictures(
     spec: m.DicTable, sources: Sources, points: Float, mask: Bool, frames: tuple[int, ...]
 ) -> list[measure.DicResult]:
     """One camera's pictures of ``frames`` against the first one, at ``points`` (M, 2) px."""
-    (camera,) = spec.views
-    return measure.dic_sequence(
-        sources.image(camera, 0), _pictures(sources, camera, frames), points=points, mask=mask,
-        **_options(spec, sources),
-    )  # fmt: skip
+    (camera,), options = spec.views, _options(spec, sources)
+    reference = sources.image(camera, 0)
+    found = measure.dic_sequence(
+        reference, _pictures(sources, camera, frames), points=points, mask=mask, **options
+    )
+    if options.pop("update") != "never":  # what is beside points doesn't follow the references
+        return found
+    pictures = zip(found, _pictures(sources, camera, frames), strict=True)
+    return [
+        without_chance_matches(one, partial(measure.dic, reference, picture, **options))
+        for one, picture in pictures
+    ]
 
 
 def correlate_pairs(

@@ -34,6 +34,11 @@ class Moved:
     ok: Bool
 
 
+def span_a_surface(points: Float) -> bool:
+    """Whether points (M, 2) px aren't all on one line."""
+    return len(points) > 2 and int(np.linalg.matrix_rank(points - points.mean(axis=0))) == 2
+
+
 @dataclass
 class FieldMeasurement:
     """``what`` measures ``spec`` of a ``scene`` in pictures of ``sources``; ``field``: the truth at

@@ -5,9 +5,13 @@ What is measured comes from pictures and calibrations alone (`correlating`).
 
 from __future__ import annotations
 
+import numpy as np
+
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.pipeline.measurements.dic.camera_pair import CameraPair
 from gpusim.pipeline.measurements.dic.correlating import advice_on, points_within
+from gpusim.pipeline.measurements.dic.field_measurement import span_a_surface
 from gpusim.pipeline.measurements.dic.one_camera import OneCamera
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
 from gpusim.pipeline.measurements.dic.rig import rig_of_file
@@ -20,11 +24,14 @@ from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.scene.description.measures import ADVISED
+from gpusim.validation import require
 
 RIM = 3
 """Pixels at an edge that aren't used: what lies behind disturbs the interpolation there."""
 COARSE = 8
 """Pixels of which one is looked at before there are pictures."""
+FEW_POINTS = 16
+"""With room for less, it is seen before whether there are enough."""
 
 
 def measure_dic(
@@ -44,10 +51,7 @@ def measure_dic(
     roi = region_of_interest(what, spec.roi, motion, camera).shrunk(RIM)
     advice = None
     if spec.settings is not None:
-        factors = scene.analysis.load_factors
-        frames = spec.measured(len(factors))
-        still = next((frame for frame in frames if factors[frame] == factors[0]), None)
-        advice = advice_on(what, sources, camera, roi.mask, still)
+        advice = advice_on(what, sources, camera, roi.mask, _still(spec, motion))
         chosen = zip(ADVISED, advice.settings.values(), strict=True)
         spec = spec.model_copy(update=dict(chosen))
     points = points_within(what, roi.mask, spec)
@@ -56,10 +60,33 @@ def measure_dic(
     return result if advice is None else result.with_advice(advice)
 
 
+def _check_points(spec: m.DicTable, points: Float) -> None:
+    """A pair is laid on the structure by its points (M, 2) px, and strains are taken from them."""
+    require(
+        (spec.cameras is None and spec.strain == "none") or span_a_surface(points),
+        f"measure {spec.name!r}: points", f"{len(points)} on one line",
+        "three or more that span a surface: a larger region, or smaller steps",
+    )  # fmt: skip
+
+
+def _still(spec: m.DicTable, motion: TrueMotion) -> int | None:
+    """A measured frame whose picture is that of frame 0 but for its noise, if there is one. What
+    moves before or after it is seen while a shutter is open."""
+    count = len(motion.objects.frames)
+    (shutter,) = (one.shutter for one in motion.scene.cameras if one.name == spec.views[0])
+    near = (0,) if shutter is None else (-1, 0, 1)
+    for frame in spec.measured(count):
+        asked = {one + step for one in (0, frame) for step in near} & {*range(count)}
+        if all(motion.unmoved(one) for one in sorted(asked)):
+            return frame
+    return None
+
+
 def measured_at(
     field: TrueField, spec: m.DicTable, scene: Scene, sources: Sources
 ) -> FullFieldResult:
     """The same at the points of a ``field``."""
+    _check_points(spec, field.points)
     frames = spec.measured(len(scene.analysis.load_factors))
     kind = OneCamera if spec.cameras is None else CameraPair
     return kind(f"measure {spec.name!r}", spec, scene, sources, field, frames).result()
@@ -86,9 +113,14 @@ def _checks(spec: m.DicTable, scene: Scene, unloaded: Unloaded) -> list[str]:
     if motion is None:
         return []
     try:
-        region_of_interest(what, spec.roi, motion, camera, stride=COARSE)
+        roi = region_of_interest(what, spec.roi, motion, camera, stride=COARSE)
+        pixels = COARSE**2 * int(np.count_nonzero(roi.mask))
     except InputError:  # it may be smaller than that
-        region_of_interest(what, spec.roi, motion, camera)
+        pixels = 0
+    if pixels < FEW_POINTS * (spec.subset_px + spec.step_px) ** 2:
+        roi = region_of_interest(what, spec.roi, motion, camera).shrunk(RIM)
+        if spec.settings is None:
+            _check_points(spec, points_within(what, roi.mask, spec))
     return []
 
 

@@ -1,6 +1,6 @@
 """A field measured by one camera, in px and in mm.
 
-Lengths are along the world axes nearest to the picture's right and down, by a scale, or along the
+Lengths are along the picture's right and down as they lie in the surface, by a scale, or along the
 axes of a calibration target that lies on the surface: then the lens is undone.
 """
 
@@ -35,7 +35,6 @@ from gpusim.pipeline.measurements.dic.result import FullFieldResult
 from gpusim.pipeline.measurements.dic.true_field import inverse_slopes
 from gpusim.pipeline.measurements.results import Columns
 from gpusim.pipeline.measurements.sources import calibrated
-from gpusim.pipeline.scene_objects.cameras import image_axes
 from gpusim.scene.description import model as m
 
 MOST_ALIGNED = 10_000
@@ -114,11 +113,9 @@ def _scale_of(single: OneCamera, found: measure.DicResult) -> _Scale | None:
     spec, field, points = single.spec, single.field, single.field.points
     if spec.mm_per_px is not None:
         per_px = spec.mm_per_px
-        names, axes = image_axes(field.motion.camera(field.camera))
-        down = {"+": "-", "-": "+"}[names[1][0]] + names[1][1]
         slope = np.tile(per_px * np.eye(2), (len(points), 1, 1))
-        turned = axes * [[1.0], [-1.0]]
-        return _Scale(lambda pixels: per_px * pixels, turned, (names[0], down), slope)
+        axes = field.picture_axes()
+        return _Scale(lambda pixels: per_px * pixels, axes, _axis_names(axes), slope)
     if spec.plane_pose is None:
         return None
     _, calibration = calibrated(spec, single.scene, single.sources.corners)
@@ -136,6 +133,17 @@ def _scale_of(single: OneCamera, found: measure.DicResult) -> _Scale | None:
     slope = field_slope(mapping, points)
     names = ("the target's x", "the target's y")
     return _Scale(mapping, laid.rotation.T[:2], names, slope, calibration.rms)
+
+
+def _axis_names(axes: Float) -> tuple[str, str]:
+    """What the picture's axes (2, 3) are called: world axes if they are some."""
+    named = {
+        tuple(sign * row): f"{word}{axis}"
+        for sign, word in ((1.0, "+"), (-1.0, "-"))
+        for axis, row in zip("xyz", np.eye(3), strict=True)
+    }
+    right, down = (named.get(tuple(row)) for row in axes)
+    return right or "the picture's right", down or "the picture's down"
 
 
 def _gauge_strain(spec: m.DicTable, found: measure.DicResult, places: Float, moved: Float) -> Float:

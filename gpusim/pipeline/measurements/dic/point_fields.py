@@ -77,6 +77,11 @@ class PointFields(Result):
         return [name for name in self.quantities if not name_and_unit(name)[1]]
 
     @property
+    def strain_axis(self) -> str:
+        """Along which exx is, in words: a pair tells strains in the surface."""
+        return "the picture's rows" if len(self.axes) > 2 else self.axes[0]
+
+    @property
     def gauge_px(self) -> int:
         """Width of the virtual strain gauge."""
         return (self.strain_window - 1) * self.step_px + self.subset_px

@@ -106,7 +106,11 @@ class FullFieldResult(PointFields):
         drawings: list[Drawing] = []
         for what, names, about in (
             ("displacement", self.displacements, along),
-            ("strain", self.strains, f"{self.strain}, gauge of {self.gauge_px} px"),
+            (
+                "strain",
+                self.strains,
+                f"{self.strain}, x along {self.strain_axis}, gauge of {self.gauge_px} px",
+            ),
         ):
             fields = [
                 ComparedField(

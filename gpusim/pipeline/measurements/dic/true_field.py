@@ -22,6 +22,8 @@ from gpusim.scene.description import model as m
 
 _PIXELS = 1 << 24
 """Of the fields that are filtered together."""
+ALIGNED = 1e-9
+"""Components of axes that differ by less from a world axis only do so by rounding."""
 LEAST_AREA = 1e-3
 """Of a pixel's square along two axes over its sides squared; below, it is seen edge-on."""
 
@@ -85,9 +87,23 @@ class TrueField:
 
     def resolution(self) -> float:
         """Width of a pixel on the surface, m: the median of the points."""
+        return float(np.median(np.sqrt(np.linalg.norm(self._normals(), axis=1))))
+
+    def picture_axes(self) -> Float:
+        """Directions (2, 3) in the world, at right angles, that are as near to the picture's right
+        and down as directions within the surface can be, which is flat on the whole."""
+        normal = np.nanmean(self._normals(), axis=0)
+        normal /= np.linalg.norm(normal)
+        axes = self.motion.camera(self.camera).camera_from_world[:2, :3]
+        left, _, right = np.linalg.svd(axes @ (np.eye(3) - np.outer(normal, normal)), False)
+        found = left @ right
+        # a camera that is aligned with the world is so exactly
+        return np.asarray(np.where(np.abs(found - np.rint(found)) < ALIGNED, np.rint(found), found))
+
+    def _normals(self) -> Float:
+        """(M, 3) m^2: of the surface at the points, as long as a pixel's area there."""
         slopes = self._slopes(self._places(0))
-        area = np.linalg.norm(np.cross(slopes[:, :, 0], slopes[:, :, 1]), axis=1)
-        return float(np.median(np.sqrt(area)))
+        return np.cross(slopes[:, :, 0], slopes[:, :, 1])
 
     def _places(self, frame: int) -> Float:
         """(4, M, 3) m: where material half a pixel to the right of the points, left, below and

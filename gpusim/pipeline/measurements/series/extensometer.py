@@ -13,11 +13,12 @@ from gpusim.scene.description import model as m
 
 
 def _ends(spec: m.ExtensometerTable, picture: ReferencePicture) -> dict[str, Float]:
-    """Subset beside subset along the line that each end is, from its middle outwards."""
+    """As many subsets side by side as the line that each end is has room for, at least one, from
+    its middle outwards."""
     ends = picture.pixels("ends")
     along = (ends[1] - ends[0]) / max(float(np.linalg.norm(ends[1] - ends[0])), 1e-300)
-    count = int(0.5 * max(spec.width_px - spec.subset_px, 0.0) / spec.subset_px)
-    steps = spec.subset_px * np.array(sorted(range(-count, count + 1), key=abs))
+    count = max(int(spec.width_px / spec.subset_px), 1)
+    steps = spec.subset_px * np.array(sorted(np.arange(count) - 0.5 * (count - 1), key=abs))
     across = steps[:, None] * np.array([-along[1], along[0]])
     return {f"ends[{number}]": end + across for number, end in enumerate(ends)}
 

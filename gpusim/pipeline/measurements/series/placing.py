@@ -1,7 +1,8 @@
 """Where subsets lie in the reference picture, for places that a scene names.
 
-Places in mm are projected with the true camera, as a tester would point at them in the picture. The
-truth is then taken at what the picture's pixels see there.
+Places in mm are projected with the true camera, as a tester would point at them in a picture of the
+unloaded structure, and go with it to where it is in the reference picture. The truth is then taken
+at what the picture's pixels see there.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from gpusim.pipeline.measurements.region_of_interest import RegionOfInterest, re
 from gpusim.scene.description import model as m
 
 MM = 1e3
+SURE_DIGITS = 6
+"""Of pixels."""
 RIM = 3
 """Pixels at an edge that aren't used: what lies behind disturbs the interpolation there."""
 
@@ -51,8 +54,14 @@ class ReferencePicture:
         given = getattr(self.spec, f"{key}_px")
         if given is not None:
             return np.array(given)
+        name, motion = self.spec.views[0], self.motion
         place = np.array(getattr(self.spec, f"{key}_mm")) / MM
-        return self.motion.camera(self.spec.views[0]).project(place)
+        seen = motion.camera(name).project(place)
+        if motion.starts_unloaded:
+            return seen
+        material = motion.seen_at(name, seen.reshape(-1, 2), None)
+        # what is off by rounding alone must not go to another pixel
+        return np.round(motion.pixels(material, name, 0), SURE_DIGITS).reshape(seen.shape)
 
     def size(self, key: str, at: Float) -> Float:
         """(2,) px of a width and a height that are given in px, or in mm on the surface ``at``."""
@@ -60,7 +69,7 @@ class ReferencePicture:
         if given is not None:
             return np.array(given)
         around = at + np.array([[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])
-        place = self.motion.position(self.motion.seen_at(self.spec.views[0], around), 0)
+        place = self.motion.position(self.motion.seen_at(self.spec.views[0], around), None)
         sides = np.linalg.norm(place[::2] - place[1::2], axis=1)
         return np.asarray(np.array(getattr(self.spec, f"{key}_mm")) / (MM * sides))
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from gpusim.arrays.array_types import Float
+from gpusim.pipeline.measurements.dic.field_measurement import STRAINS
 from gpusim.pipeline.measurements.dic.statistics import GOAL, MICRO_UNIT, MICROSTRAIN, rms
 from gpusim.pipeline.measurements.results import Reported, Result
 from gpusim.pipeline.pictures.file_names import image_path
@@ -98,7 +99,8 @@ class SeriesResult(Result):
         for place in places:
             for name, unit, *values in told:
                 measured, true = (float(one[-1, place]) for one in values)
-                what = self._title(self.table.points[place], name)
+                along = " (x along the picture's rows)" if name in STRAINS else ""
+                what = self._title(self.table.points[place], f"{name}{along}")
                 yield Measurement.compare(what, unit, measured, true, tolerance_relative=goal)
                 goal = None
         for name, unit, found, real in told:

@@ -21,6 +21,7 @@ from gpusim.pipeline.checks.warnings import build_objects, geometry_warnings
 from gpusim.pipeline.measurements.dic import FullFieldResult
 from gpusim.pipeline.measurements.dic.statistics import rms, scores
 from gpusim.plan.plan import make_plan
+from tests.support.shifted_plate import shifted_plate
 from tests.support.speckled_plate import speckled_plate
 
 PAIR = {"cameras": ["left", "right"], "lens": "pinhole"}
@@ -160,6 +161,81 @@ def test_settings_are_chosen_from_the_picture(tmp_path: Path) -> None:
     assert "field0: settings" in page and "Chosen for this picture" in page
     assert (tmp_path / "figures/field0-settings.png").is_file()
     assert not report.warnings
+
+
+def test_noise_is_not_learnt_from_a_frame_in_which_a_prop_moved(tmp_path: Path) -> None:
+    """The load factor is the same, but the plate went on by 1.5 px."""
+    noise = {"bits": 8, "exposure": "auto", "full_well_e": 10_000.0, "read_noise_e": 3.0}
+    best = {"camera": "left", "settings": "best", "subset_px": 31, "step_px": 10}
+    chosen = []
+    for number, factors in enumerate(([0.0, 0.0], [0.0, 1.0])):
+        scene = shifted_plate((1.0, 0.5, 0.0), best, sensor=noise,
+                              analysis={"load_factors": factors})  # fmt: skip
+        gs.run(scene, tmp_path / str(number))
+        chosen.append(FullFieldResult.read(tmp_path / str(number) / "measure", "field").advice)
+    assert chosen[0] == chosen[1] != ""
+
+
+@pytest.mark.parametrize(
+    ("roi", "keys", "text"),
+    [
+        ([[60, 30], [80, 30], [80, 50], [60, 50]], {"camera": "left"}, "points; got 1 on one line"),
+        ([[80, 30], [150, 30], [150, 46], [80, 46]],
+         {"cameras": ["left", "right"], "calibration": "true", "step_px": 11, "strain": "none"},
+         r"points; got \d on one line"),
+    ],
+)  # fmt: skip
+def test_too_few_points_are_told_before_any_work(
+    roi: list[list[int]], keys: dict[str, Any], text: str
+) -> None:
+    table = {"subset_px": 9, "step_px": 100, "roi": {"polygon_px": roi}, **keys}
+    scene = shifted_plate((1.0, 0.5, 2.0), table)
+    with pytest.raises(InputError, match=f"measure 'field': {text}; expected three or more"):
+        geometry_warnings(build_objects(scene))
+
+
+def test_one_point_is_enough_without_strains(tmp_path: Path) -> None:
+    roi = {"polygon_px": [[60, 30], [80, 30], [80, 50], [60, 50]]}
+    table = {"camera": "left", "subset_px": 9, "step_px": 100, "roi": roi, "strain": "none",
+             "mm_per_px": 2.0 / 3.0}  # fmt: skip
+    gs.run(shifted_plate((1.0, 0.5, 0.0), table), tmp_path)
+    result = FullFieldResult.read(tmp_path / "measure", "field")
+    assert result.ok.tolist() == [[True]]
+    assert result.table["measured_u_mm"][0, 0] == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("camera", "axes", "moved"),
+    [
+        ({"up": [0.0, 1.0, 0.0]}, ("+x", "-y"), (1.0, -0.5)),
+        ({"up": [1.0, 0.0, 0.0]}, ("-y", "-x"), (-0.5, -1.0)),
+        ({"up": [0.6, 0.8, 0.0]}, ("the picture's right", "the picture's down"), (0.5, -1.0)),
+    ],
+)  # fmt: skip
+def test_a_scale_reads_along_the_axes_of_the_picture(
+    camera: dict[str, Any], axes: tuple[str, str], moved: tuple[float, float], tmp_path: Path
+) -> None:
+    """A camera rolled by 37 degrees sees 1 mm along x and 0.5 mm along y as 0.5 and -1 mm."""
+    table = {"camera": "left", "mm_per_px": 0.66667, "strain": "none"}
+    roll = {f"camera.left.{key}": value for key, value in camera.items()}
+    gs.run(shifted_plate((1.0, 0.5, 0.0), table, **roll), tmp_path)
+    result = FullFieldResult.read(tmp_path / "measure", "field")
+    assert result.axes == axes
+    for kind in ("true", "measured"):
+        values = result.values(kind, ["u_mm", "v_mm"])[0]
+        assert np.nanmean(values, axis=0) == pytest.approx(moved, abs=1e-3), kind
+
+
+def test_a_tilted_surface_is_read_too_short(tmp_path: Path) -> None:
+    """Along axes that lie in the surface: what a camera at 20 degrees sees of 1 mm is error."""
+    table = {"camera": "left", "mm_per_px": 0.66667, "strain": "none"}
+    away = 200.0 * np.array([np.sin(np.radians(20.0)), np.cos(np.radians(20.0))])
+    tilt = {"camera.left.position_mm": [-20.0, -away[0], away[1]]}
+    gs.run(shifted_plate((0.0, 1.0, 0.0), table, **tilt), tmp_path)
+    result = FullFieldResult.read(tmp_path / "measure", "field")
+    assert result.axes == ("+x", "-y")
+    assert result.table["true_v_mm"] == pytest.approx(-1.0, abs=1e-12)
+    assert np.nanmedian(result.table["measured_v_mm"]) == pytest.approx(-0.94, abs=0.02)
 
 
 def test_advice_needs_a_large_region(tmp_path: Path) -> None:

@@ -8,11 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 import gpusim as gs
 from gpusim.errors import InputError, SceneError
 from gpusim.pipeline.checks.warnings import build_objects, geometry_warnings
+from gpusim.pipeline.measurements.material_points import TrueMotion
+from gpusim.pipeline.measurements.series.extensometer import _ends
+from gpusim.pipeline.measurements.series.placing import ReferencePicture
 from gpusim.pipeline.measurements.series.result import SeriesResult
 from tests.support.speckled_plate import DOCUMENT
 
@@ -39,14 +43,16 @@ MEASURES: dict[str, dict[str, Any]] = {
 Get = Callable[[str], SeriesResult]
 
 
-def sheet(folder: Path, measures: dict[str, dict[str, Any]]) -> gs.Scene:
-    """A sheet of 60 x 30 mm, 4 px/mm, that is pulled and comes nearer in the last frame. A wall
+def sheet(
+    folder: Path, measures: dict[str, dict[str, Any]], strains: npt.ArrayLike = STRAINS
+) -> gs.Scene:
+    """A sheet of 60 x 30 mm, 4 px/mm, that is pulled and comes nearer in the third frame. A wall
     covers its left end from the second frame on."""
     box = gs.mesh.box(size=(60.0, 30.0, 1.0), divisions=(6, 3, 1))
     cells = {f"cells_{kind}": nodes for kind, _, nodes in box.blocks()}
-    motion = np.array([(box.points - MIDDLE) * [e, -0.3 * e, 0.0] for e in STRAINS])
-    motion[2, :, 2] += APPROACH
-    times = np.arange(3.0)
+    motion = np.array([(box.points - MIDDLE) * [e, -0.3 * e, 0.0] for e in np.asarray(strains)])
+    motion[2:, :, 2] += APPROACH
+    times = np.arange(float(np.size(strains)))
     np.savez(folder / "motion.npz", points=box.points, displacement=motion, times=times, **cells)
     away, before = ({"position_mm": [x, 15.0, 6.0]} for x in (-90.0, -1.0))
     document = {
@@ -57,7 +63,7 @@ def sheet(folder: Path, measures: dict[str, dict[str, Any]]) -> gs.Scene:
         "prop": [{"name": "wall", "center_mm": [0.0, 0.0, 0.0], "normal": [0.0, 0.0, 1.0],
                   "up": [0.0, 1.0, 0.0], "size_mm": [14.0, 40.0],
                   "paint": [{"name": "white", "type": "plain", "albedo": 0.9}],
-                  "poses": [away, before, before]}],
+                  "poses": [away, before, before][: np.size(strains)]}],
         "camera": [{"name": "top", "sensor_mm": [4.8, 2.4], "resolution_px": [240, 120],
                     "focal_mm": 16.0, "up": [0.0, 1.0, 0.0],
                     "position_mm": [30.0, 15.0, 201.0], "target_mm": [30.0, 15.0, 1.0]}],
@@ -133,6 +139,36 @@ def test_a_line_is_a_profile(found: Get, done: tuple[gs.Report, Path]) -> None:
     told = [one for one in done[0].series if one.name.startswith("line: u")]
     assert [one.name for one in told][:2] == ["line: u, frame 1", "line: u, frame 2"]
     assert np.array_equal(told[0].x, way) and told[0].x_label == "along the line (mm)"
+
+
+def test_places_go_with_the_structure_that_frame_0_loads(tmp_path: Path) -> None:
+    """The sheet is 5 % longer in frame 0: a place 15 mm from its middle is 0.75 mm further."""
+    measures = {
+        "tip": {**ONE, "type": "point", "points_mm": [[45, 15, 1]]},
+        "extension": {**SCALED, "type": "extensometer", "ends_mm": [[20, 15, 1], [45, 15, 1]]},
+    }
+    scene = sheet(tmp_path, measures, strains=(0.05, 0.052))
+    gs.run(scene, tmp_path / "out")
+    tip, extension = (SeriesResult.read(tmp_path / "out/measure", name) for name in measures)
+    # 4 px/mm at the sheet's top, whose middle is in the picture's
+    assert tip.table["x_px"][0, 0] == pytest.approx(119.5 + 4.0 * 15.75, abs=0.51)
+    place = 0.25 * (tip.table["x_px"][0, 0] - 119.5)
+    assert tip.table["true_u_px"][0, 0] == pytest.approx(4.0 * place * 0.002 / 1.05, rel=1e-6)
+    assert extension.table["true_length_mm"][0, 0] == pytest.approx(25.0 * 1.052, abs=0.27)
+
+
+def test_ends_are_as_wide_as_they_are_said_to_be(tmp_path: Path) -> None:
+    for width, count in ((0.0, 1), (20.0, 1), (42.0, 2), (62.0, 2), (63.0, 3), (84.0, 4)):
+        keys = {**SCALED, "type": "extensometer", "ends_mm": [[10, 15, 1], [50, 15, 1]]}
+        scene = sheet(tmp_path, {"wide": {**keys, "width_px": width}})
+        (spec,) = scene.measures
+        picture = ReferencePicture(spec, TrueMotion(build_objects(scene)))
+        ends = _ends(spec, picture)
+        for end in ends.values():
+            assert len(end) == count and end.mean(axis=0) == pytest.approx(end[:1][0], abs=10.6)
+            across = np.sort(end[:, 1])
+            assert np.diff(across) == pytest.approx(21.0)
+            assert across.mean() == pytest.approx(59.5, abs=1e-6)
 
 
 def test_lost_points_are_told_with_the_reason(done: tuple[gs.Report, Path], found: Get) -> None:
