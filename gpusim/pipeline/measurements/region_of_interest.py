@@ -17,6 +17,8 @@ from gpusim.pipeline.measurements.material_points import MaterialPoints, TrueMot
 from gpusim.pipeline.scene_objects.meshing import faces_of
 from gpusim.scene.description import model as m
 
+RIM = 3
+"""Pixels at an edge that aren't used: what lies behind disturbs the interpolation there."""
 _PARTS = 64
 """Of an edge in space, which a lens bends."""
 

@@ -27,6 +27,8 @@ from gpusim.files.output_folder import inside
 from gpusim.report import Drawing, Link, Measurement, Overlay, Series
 from gpusim.scene import Scene
 
+MM = 1e3
+"""Of a metre: tables tell lengths in mm."""
 Columns = Mapping[str, npt.NDArray[Any]]
 Crop = tuple[str, float, float, float, float]
 

@@ -15,11 +15,11 @@ from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
 from gpusim.gpu import Device
 from gpusim.measure.targets.boards import Sighting
+from gpusim.pipeline.measurements.results import MM
 from gpusim.pipeline.pictures.image_window import Window
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
-MM = 1e3
 Board = measure.Chessboard | measure.CharucoBoard
 
 

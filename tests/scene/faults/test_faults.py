@@ -204,11 +204,10 @@ def test_a_list_too_many_is_one_fault(crane: Document, path: str, value: Any) ->
 def test_no_measure_is_called_as_files_of_another_one(crane: Document) -> None:
     """measure/field-statistics.csv was written twice."""
     places = {"camera": "front", "points_px": [[100.0, 80.0]], "type": "point"}
-    crane["measure"] += [
-        {"name": "field", "type": "dic", "camera": "front"},
-        *({"name": f"{name}", **places} for name in ("Field-Statistics", "field2-statistics")),
-    ]
-    (fault,) = faults(crane).values()
+    names = "Field-Statistics", "field2-statistics"
+    measures = [{"name": "field", "type": "dic", "camera": "front"},
+                *({"name": name, **places} for name in names)]  # fmt: skip
+    (fault,) = faults({**crane, "measure": [*crane["measure"], *measures]}).values()
     assert 'files of measure "field" are called so' in fault.problem and "Field-S" in fault.got
 
 

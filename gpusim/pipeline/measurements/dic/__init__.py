@@ -9,11 +9,13 @@ In the order in which data passes:
 - `statistics`: What the differences between measured and true fields say, in numbers.
 - `result`: Displacements and strains at points over frames, measured and true: tables, files, what
   the report says.
-- `field_measurement`: What both ways of measuring a field share: columns of its table, and the
-  result they end in.
 - `rig`: A pair of cameras as it was calibrated, by pictures or in a file, and as it really is.
 - `geometric_error`: What is read off places that are exactly right: errors of calibration, scale,
   lens, and motion out of the plane.
+- `field_columns`: Columns of a field's table: places, displacements and strains, measured, true and
+  levelled.
+- `field_measurement`: What both ways of measuring a field share: from readings of frames to the
+  result they end in.
 - `one_camera`: A field measured by one camera, in px and in mm.
 - `camera_pair`: A field measured by two calibrated cameras: shape and displacement in space, strain
   in the surface.

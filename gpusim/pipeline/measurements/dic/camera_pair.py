@@ -7,8 +7,7 @@ that brings the places measured in the first pictures nearest to the true ones.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from functools import partial
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,26 +16,20 @@ from gpusim import measure
 from gpusim.arrays.array_types import Float
 from gpusim.errors import GpusimError
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.pipeline.measurements.dic.correlating import (
-    correlate_pairs,
-)
+from gpusim.pipeline.measurements.dic.correlating import correlate_pairs
+from gpusim.pipeline.measurements.dic.field_columns import compared_columns, shape_columns
 from gpusim.pipeline.measurements.dic.field_measurement import (
-    MM,
     FieldMeasurement,
+    FrameReading,
     Moved,
-    columns_of_places,
-    compared_columns,
-    shape_columns,
     span_a_surface,
-    strain_columns,
     where_measured,
 )
-from gpusim.pipeline.measurements.dic.geometric_error import known_errors, readings_of_pair
+from gpusim.pipeline.measurements.dic.geometric_error import Reading, readings_of_pair
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
-from gpusim.pipeline.measurements.dic.rig import calibrated_rig, rig_of
+from gpusim.pipeline.measurements.dic.rig import Rig, calibrated_rig, rig_of
 from gpusim.pipeline.measurements.dic.true_field import TrueField, region_of_second_camera
-from gpusim.pipeline.measurements.results import Columns
-from gpusim.scene.description import model as m
+from gpusim.pipeline.measurements.results import MM
 
 
 class CameraPair(FieldMeasurement):
@@ -44,62 +37,62 @@ class CameraPair(FieldMeasurement):
 
     def result(self) -> FullFieldResult:
         """All frames."""
-        spec, field, points = self.spec, self.field, self.field.points
-        motion, (left, right) = field.motion, spec.views
+        spec, field, (left, right) = self.spec, self.field, self.spec.views
+        motion, material = field.motion, field.material
         cameras = motion.camera(left), motion.camera(right)
         rig, calibration_px = calibrated_rig(spec, self.scene, self.sources, cameras)
         region = region_of_second_camera(motion, field.roi, left, right)
         masks = field.roi.mask, region.mask
-        found = correlate_pairs(spec, self.sources, points, masks, rig, self.frames)
+        found = correlate_pairs(spec, self.sources, field.points, masks, rig, self.frames)
         # where the second camera sees the points is known to the truth
-        seen = motion.pixels(field.material, right, 0)
-        views = field, TrueField(motion, right, region, seen, field.material)
-        images = self.sources.image(left, 0), self.sources.image(right, 0)
-        levels = [
-            view.levelled(image, self.frames, spec)
-            for view, image in zip(views, images, strict=True)
-        ]
-        before = np.array([view.points for view in views])
-        place = MM * motion.position(field.material, 0)
+        seen = motion.pixels(material, right, 0)
+        views = field, TrueField(motion, right, region, seen, material)
+        levels = self.levelled(views)
+        place = MM * motion.position(material, 0)
         laid = self._laid(found, place)
-        table, raw, rest = dict[int, Columns](), [], []
-        for k, frame in enumerate(self.frames):
-            one = found[k]
-            true = MM * motion.displacement(field.material, frame)
-            smooth = _seen_by(cameras, before, np.array([one.displacement[k] for one in levels]))
-            columns = columns_of_places(views, frame, one.status)
-            columns |= shape_columns("XYZ", laid.apply(one.shape), place)
-            moved = one.displacement @ laid.rotation.T
-            columns |= compared_columns(("U_mm", "V_mm", "W_mm"), moved, true, smooth)
-            if spec.strain != "none":
-                columns |= strain_columns(
-                    _gauge_strain(spec, one, one.shape, one.displacement),
-                    field.surface_strain(frame, spec.strain),
-                    _gauge_strain(spec, one, place, smooth),
-                )
+        moved = np.stack([level.displacement for level in levels], axis=1)
+        readings = []
+        for frame, one, shift in zip(self.frames, found, moved, strict=True):
+            true = MM * motion.displacement(material, frame)
+            smooth = _seen_by(cameras, np.array([view.points for view in views]), shift)
+            turned = one.displacement @ laid.rotation.T
+            strain = None if spec.strain == "none" else field.surface_strain(frame, spec.strain)
             sigma, in_picture = _uncertainty(one, rig, laid.rotation)
-            columns |= {f"sigma_{q}_mm": s for q, s in zip("UVW", sigma.T, strict=True)}
-            table[frame] = columns | {
-                "sigma_each_camera_px": in_picture,
-                "residual_px": one.residual,
-            }
-            now = place + true
-            raw.append([_in_picture(camera, now, moved - true) for camera in cameras])
-            rest.append([_in_picture(camera, now, moved - smooth) for camera in cameras])
-        axes = ("+x", "+y", "+z")
-        after = [motion.pixels(field.material, one, self.frames[-1]) for one in (left, right)]
-        pixels = [
-            np.array([where_measured(found[-1].ok, one) for one in each])
-            for each in (before, after)
-        ]
-        enough = span_a_surface(points[found[-1].ok])
-        readings = readings_of_pair(rig_of(cameras), rig, pixels, place) if enough else {}
-        strain = None if spec.strain == "none" else partial(_gauge_strain, spec, found[-1])
-        known = known_errors(readings, strain)
-        errors = np.array([raw, rest])
-        return self.kept(table, axes, errors, levels[0], calibration_px, known)
+            raw, rest = (
+                [_in_picture(camera, place + true, turned - other) for camera in cameras]
+                for other in (true, smooth)
+            )
+            readings.append(FrameReading(
+                {
+                    **shape_columns("XYZ", laid.apply(one.shape), place),
+                    **compared_columns(("U_mm", "V_mm", "W_mm"), turned, true, smooth),
+                },
+                (one.shape, one.displacement), (place, smooth), strain,
+                {
+                    **{f"sigma_{q}_mm": s for q, s in zip("UVW", sigma.T, strict=True)},
+                    "sigma_each_camera_px": in_picture,
+                    "residual_px": one.residual,
+                },
+                raw, rest,
+            ))  # fmt: skip
+        last, exact = found[-1], dict[str, Reading]()
+        if span_a_surface(last.points[last.ok]):
+            pixels = [
+                np.array([where_measured(last.ok, motion.pixels(material, name, frame))
+                          for name in spec.views])
+                for frame in (0, self.frames[-1])
+            ]  # fmt: skip
+            exact = readings_of_pair(rig_of(cameras), rig, pixels, place)
+        axes = "+x", "+y", "+z"
+        return self.kept(views, found, readings, axes, levels[0], calibration_px, exact)
 
-    def _laid(self, found: Iterable[measure.StereoResult], place: Float) -> measure.Alignment:
+    def gauge_strain(self, found: measure.StereoResult, places: Float, moved: Float) -> Float:
+        """In the surface."""
+        kind: Any = self.spec.strain
+        one = Moved(found.points, where_measured(found.ok, moved), found.subset, places, found.ok)
+        return measure.surface_strain(one, window=self.spec.strain_window, kind=kind).tensor
+
+    def _laid(self, found: Sequence[measure.StereoResult], place: Float) -> measure.Alignment:
         """The rigid motion from the rig's axes to the structure's, from the points' places in the
         first pictures."""
         for one in found:
@@ -119,23 +112,12 @@ def _seen_by(cameras: tuple[Camera, Camera], before: Float, moved: Float) -> Flo
     return np.asarray((end - start) @ cameras[0].camera_from_world[:3, :3])
 
 
-def _gauge_strain(
-    spec: m.DicTable, found: measure.StereoResult, places: Float, moved: Float
-) -> Float:
-    """Strain (M, 2, 2) in the surface of points at ``places`` (M, 3) that ``moved`` (M, 3)."""
-    kind: Any = spec.strain
-    one = Moved(found.points, where_measured(found.ok, moved), found.subset, places, found.ok)
-    return measure.surface_strain(one, window=spec.strain_window, kind=kind).tensor
-
-
 def _in_picture(camera: Camera, place: Float, error: Float) -> Float:
     """What an ``error`` (M, 3) mm at a ``place`` (M, 3) mm is in a camera's picture, (M, 2) px."""
     return camera.project((place + error) / MM) - camera.project(place / MM)
 
 
-def _uncertainty(
-    found: measure.StereoResult, rig: tuple[measure.CalibratedCamera, ...], turn: Float
-) -> tuple[Float, Float]:
+def _uncertainty(found: measure.StereoResult, rig: Rig, turn: Float) -> tuple[Float, Float]:
     """Standard uncertainties (M, 3) mm along axes to which ``turn`` leads from the rig's, and
     (M,) px in either picture."""
     seen = np.stack([found.left, found.right])

@@ -1,26 +1,25 @@
-"""What both ways of measuring a field share: columns of its table, and the result they end in."""
+"""What both ways of measuring a field share: from readings of frames to the result they end in."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gpusim import measure
 from gpusim.arrays.array_types import Bool, Float
 from gpusim.measure.correlation.subset_filter import FilteredField
+from gpusim.pipeline.measurements.dic.field_columns import strain_columns
+from gpusim.pipeline.measurements.dic.geometric_error import Reading, known_errors
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
 from gpusim.pipeline.measurements.dic.true_field import TrueField
-from gpusim.pipeline.measurements.results import Columns, PointTable
+from gpusim.pipeline.measurements.results import MM, Columns, PointTable
 from gpusim.pipeline.measurements.sources import Sources
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
-
-MM = 1e3
-STRAINS = {"exx": (0, 0), "eyy": (1, 1), "exy": (0, 1)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,15 +33,26 @@ class Moved:
     ok: Bool
 
 
-def span_a_surface(points: Float) -> bool:
-    """Whether points (M, 2) px aren't all on one line."""
-    return len(points) > 2 and int(np.linalg.matrix_rank(points - points.mean(axis=0))) == 2
+@dataclass(frozen=True, eq=False)
+class FrameReading:
+    """A frame at M points: ``columns`` of places and displacements; what was ``measured`` and
+    ``levelled``, of which strains are taken, and the ``true`` strain, if any is asked for; columns
+    of ``uncertainty``; ``raw_px`` and ``rest_px`` (C, M, 2): what is left of displacements in each
+    camera's picture less the truth, and less the levelled truth."""
+
+    columns: Columns
+    measured: Reading
+    levelled: Reading
+    true: Float | None
+    uncertainty: Columns
+    raw_px: Sequence[Float]
+    rest_px: Sequence[Float]
 
 
 @dataclass
 class FieldMeasurement:
     """``what`` measures ``spec`` of a ``scene`` in pictures of ``sources``; ``field``: the truth at
-    its points; ``frames``: which are measured."""
+    its points, as the first camera sees it; ``frames``: which are measured."""
 
     what: str
     spec: m.DicTable
@@ -51,18 +61,36 @@ class FieldMeasurement:
     field: TrueField
     frames: tuple[int, ...]
 
+    def gauge_strain(self, found: Any, places: Float, moved: Float) -> Float:
+        """Strain (M, 2, 2) of points that were at ``places`` (M, D) and ``moved`` (M, D), through
+        the windows of what was ``found``."""
+        raise NotImplementedError
+
+    def levelled(self, views: Sequence[TrueField]) -> list[FilteredField]:
+        """The truth that each camera sees, as its subsets do."""
+        return [
+            view.levelled(self.sources.image(view.camera, 0), self.frames, self.spec)
+            for view in views
+        ]
+
     def kept(
-        self,
-        table: dict[int, Columns],
-        axes: tuple[str, ...],
-        errors: Float,
-        level: FilteredField,
-        calibration_px: float,
-        known: Mapping[str, Float],
-    ) -> FullFieldResult:
-        """The result with the settings; ``errors`` (2, F, C, M, 2) px less the truth and less the
-        levelled truth; ``known``: as `geometric_error.known_errors` has it."""
-        spec, count = self.spec, len(self.field.points)
+        self, views: Sequence[TrueField], found: Sequence[Any], readings: Sequence[FrameReading],
+        axes: tuple[str, ...], level: FilteredField, calibration_px: float,
+        exact: Mapping[str, Reading],
+    ) -> FullFieldResult:  # fmt: skip
+        """The result with the settings. ``exact``: what is read off exact places of the last frame,
+        as `geometric_error` has it."""
+        spec, count, table = self.spec, len(self.field.points), dict[int, Columns]()
+        for frame, one, reading in zip(self.frames, found, readings, strict=True):
+            columns = {**_places(views, frame, one.status), **reading.columns}
+            if reading.true is not None:
+                measured, levelled = (
+                    self.gauge_strain(one, *each) for each in (reading.measured, reading.levelled)
+                )
+                columns |= strain_columns(measured, reading.true, levelled)
+            table[frame] = columns | dict(reading.uncertainty)
+        strain = None if spec.strain == "none" else partial(self.gauge_strain, found[-1])
+        known = known_errors(exact, strain)
         names = [f"p{number:0{len(str(count))}d}" for number in range(1, count + 1)]
         keys = "subset_px step_px shape strain strain_window blur_px formats"
         settings: dict[str, Any] = {key: getattr(spec, key) for key in keys.split()}
@@ -70,50 +98,26 @@ class FieldMeasurement:
             spec.name, PointTable.of("point", names, table), spec.views, axes, **settings,
             pixel_mm=MM * self.field.resolution(), calibration_px=float(calibration_px),
             known_names=tuple(known), known_errors=np.array([*known.values()]),
-            raw_px=errors[0], rest_px=errors[1],
+            raw_px=np.array([one.raw_px for one in readings]),
+            rest_px=np.array([one.rest_px for one in readings]),
             slope=level.slope, contrast=level.contrast, spread=level.spread,
         )  # fmt: skip
 
 
-def columns_of_places(
-    views: Sequence[TrueField], frame: int, status: npt.NDArray[np.int8]
-) -> dict[str, npt.NDArray[Any]]:
-    """Columns that a table begins with: what became of the points, whether they are ``hidden`` from
-    any of the cameras in a frame, and where they are in the reference picture."""
+def _places(views: Sequence[TrueField], frame: int, status: Any) -> Columns:
+    """Columns that a table begins with: what became of the points, whether they are hidden from any
+    of the cameras, and where they are in the reference picture."""
     seen = [one.motion.visible(one.material, one.camera, frame) for one in views]
     words = np.array([one.name for one in measure.Status])
     x, y = views[0].points.T
     return {"status": words[status], "hidden": ~np.all(seen, axis=0), "x_px": x, "y_px": y}
 
 
-def compared_columns(names: tuple[str, ...], *values: Float) -> Columns:
-    """Columns of quantities (M, K): measured, true, levelled."""
-    return {
-        f"{kind}_{name}": column
-        for kind, each in zip(("measured", "true", "levelled"), values, strict=True)
-        for name, column in zip(names, each.T, strict=True)
-    }
-
-
-def shape_columns(axes: str, found: Float, true: Float) -> Columns:
-    """Columns of places (M, K) mm in the first pictures: measured and true."""
-    return {
-        f"{kind}_{axis}_mm": column
-        for kind, each in (("measured", found), ("true", true))
-        for axis, column in zip(axes, each.T, strict=True)
-    }
-
-
-def strain_columns(*tensors: Float) -> Columns:
-    """The same of strains (M, 2, 2)."""
-    return compared_columns(tuple(STRAINS), *map(strain_components, tensors))
-
-
-def strain_components(tensor: Float) -> Float:
-    """(M, 3): those of `STRAINS`."""
-    return np.stack([tensor[:, i, j] for i, j in STRAINS.values()], axis=1)
-
-
 def where_measured(ok: Bool, values: Float) -> Float:
     """NaN where nothing was measured."""
     return np.where(ok[:, None], values, np.nan)
+
+
+def span_a_surface(points: Float) -> bool:
+    """Whether points (M, 2) px aren't all on one line."""
+    return len(points) > 2 and int(np.linalg.matrix_rank(points - points.mean(axis=0))) == 2

@@ -15,8 +15,9 @@ import numpy as np
 from gpusim import measure
 from gpusim.arrays.array_types import Float
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.pipeline.measurements.dic.field_measurement import MM, strain_components
+from gpusim.pipeline.measurements.dic.field_columns import strain_components
 from gpusim.pipeline.measurements.dic.rig import Rig
+from gpusim.pipeline.measurements.results import MM
 
 CALIBRATION, CAUSE = "calibration", "calibration: "
 """Name of an error, and how names of those begin that are its causes."""

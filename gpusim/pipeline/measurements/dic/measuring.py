@@ -18,7 +18,7 @@ from gpusim.pipeline.measurements.dic.rig import rig_of_file
 from gpusim.pipeline.measurements.dic.true_field import TrueField
 from gpusim.pipeline.measurements.kinds import Kind, Unloaded, register
 from gpusim.pipeline.measurements.material_points import TrueMotion
-from gpusim.pipeline.measurements.region_of_interest import region_of_interest
+from gpusim.pipeline.measurements.region_of_interest import RIM, region_of_interest
 from gpusim.pipeline.measurements.sources import Sources
 from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.scene import Scene
@@ -26,8 +26,6 @@ from gpusim.scene.description import model as m
 from gpusim.scene.description.measures import ADVISED
 from gpusim.validation import require
 
-RIM = 3
-"""Pixels at an edge that aren't used: what lies behind disturbs the interpolation there."""
 COARSE = 8
 """Pixels of which one is looked at before there are pictures."""
 FEW_POINTS = 16

@@ -9,12 +9,12 @@ import numpy as np
 from gpusim import measure
 from gpusim.optics.calibration.formats import read_calibration
 from gpusim.optics.camera.pinhole import Camera
+from gpusim.pipeline.measurements.results import MM
 from gpusim.pipeline.measurements.sources import Sources, calibrated
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.validation import require
 
-MM = 1e3
 Rig = tuple[measure.CalibratedCamera, measure.CalibratedCamera]
 
 

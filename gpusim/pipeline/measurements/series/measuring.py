@@ -15,14 +15,14 @@ import numpy as np
 
 from gpusim import measure
 from gpusim.arrays.array_types import Float, Long
-from gpusim.pipeline.measurements.dic.field_measurement import STRAINS
+from gpusim.pipeline.measurements.dic.field_columns import STRAINS
 from gpusim.pipeline.measurements.dic.measuring import measured_at, unloaded_motion
 from gpusim.pipeline.measurements.dic.point_fields import PointFields
 from gpusim.pipeline.measurements.dic.true_field import TrueField
 from gpusim.pipeline.measurements.kinds import Kind, Unloaded, register
 from gpusim.pipeline.measurements.material_points import TrueMotion
-from gpusim.pipeline.measurements.results import Columns, PointTable
-from gpusim.pipeline.measurements.series.placing import MM, PlacedSubsets, ReferencePicture
+from gpusim.pipeline.measurements.results import MM, Columns, PointTable
+from gpusim.pipeline.measurements.series.placing import PlacedSubsets, ReferencePicture
 from gpusim.pipeline.measurements.series.result import SeriesResult
 from gpusim.pipeline.measurements.sources import Sources
 from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects

@@ -17,14 +17,16 @@ from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import require
 from gpusim.pipeline.measurements.dic.correlating import points_within
 from gpusim.pipeline.measurements.material_points import TrueMotion
-from gpusim.pipeline.measurements.region_of_interest import RegionOfInterest, region_of_interest
+from gpusim.pipeline.measurements.region_of_interest import (
+    RIM,
+    RegionOfInterest,
+    region_of_interest,
+)
+from gpusim.pipeline.measurements.results import MM
 from gpusim.scene.description import model as m
 
-MM = 1e3
 SURE_DIGITS = 6
 """Of pixels."""
-RIM = 3
-"""Pixels at an edge that aren't used: what lies behind disturbs the interpolation there."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.pipeline.measurements.dic.field_measurement import STRAINS
+from gpusim.pipeline.measurements.dic.field_columns import STRAINS
 from gpusim.pipeline.measurements.dic.statistics import GOAL, MICRO_UNIT, MICROSTRAIN, rms
 from gpusim.pipeline.measurements.results import Reported, Result
 from gpusim.pipeline.pictures.file_names import image_path

@@ -17,14 +17,13 @@ from gpusim.pipeline.measurements.marker_checks import marker_warnings
 from gpusim.pipeline.measurements.marker_detection import MarkerSet
 from gpusim.pipeline.measurements.marker_measurement import track_markers
 from gpusim.pipeline.measurements.marker_tracking import MarkerTracks
-from gpusim.pipeline.measurements.results import PointTable, vector_columns
+from gpusim.pipeline.measurements.results import MM, PointTable, vector_columns
 from gpusim.pipeline.measurements.sources import Board, Sources, calibrated
 from gpusim.pipeline.measurements.stereo.result import PARAMETERS, StereoResult
 from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
-MM = 1e3
 LEAST_SPREAD = 0.05  # of static markers, width over length
 
 

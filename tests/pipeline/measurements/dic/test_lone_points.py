@@ -1,4 +1,4 @@
-"""Points without neighbours are lost rather than wrong, where a large turn hides the right place."""
+"""Points without neighbours are lost, not wrong, where a large turn hides the right place."""
 
 from __future__ import annotations
 
