@@ -24,7 +24,6 @@ from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.report import Measurement, Overlay, Series
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
-from gpusim.scene.frames import frame_word
 
 GOAL = 1e-3
 """Relative error up to which a measured displacement counts as good."""
@@ -133,9 +132,7 @@ class MarkerResult(Result):
     @property
     def warnings(self) -> list[str]:
         """Markers that were not measured, whose white is clipped, and that are less exact."""
-        what = f"measure {self.name!r}"
-        lost = ", ".join(self.table.lost())
-        found = [f"{what}: not measured: {lost}"] if lost else []
+        what, found = f"measure {self.name!r}", super().warnings
         if clipped := self.named("saturated"):
             found.append(
                 f"{what}: saturated pixels on {clipped}; a clipped edge moves its marker: lower "
@@ -160,10 +157,9 @@ class MarkerResult(Result):
     def histories(self, scene: Scene, quantity: str, measured: Float, true: Float) -> list[Series]:
         """A series per marker of a ``quantity`` (F, M), mm, over the frames' load factors or times;
         none of a single frame."""
-        instants = np.array([scene.analysis.load_factors[frame] for frame in self.table.frames])
+        (instants, x_label), name = self.instants(scene), self.name
         if len(instants) < 2:
             return []
-        x_label, name = frame_word(scene).replace("_", " "), self.name
         return [
             Series(
                 f"{name}: {marker}, {quantity}", instants, one, other, x_label, quantity, "mm",

@@ -28,6 +28,7 @@ from gpusim.pipeline.measurements.marker_detection import (
     fit_crosses,
     size_range,
 )
+from gpusim.pipeline.measurements.results import rms
 from gpusim.pipeline.pictures.exposure import level_warnings
 
 SUBSET_SHARE = 0.95
@@ -138,7 +139,6 @@ class FirstPicture:
             ]
         )
         unrefined = np.isfinite(moved).all(axis=1) & (crosses.rough | ~fine)
-        close = gap[fine]
         return MarkerTracks(
             expected=self.expected,
             points=points,
@@ -148,7 +148,7 @@ class FirstPicture:
             clipped=clipped,
             unrefined=unrefined,
             subset=side,
-            tracking_px=float(np.sqrt(np.mean(close**2))) if close.size else float("nan"),
+            tracking_px=rms(gap[fine]),
         )
 
 

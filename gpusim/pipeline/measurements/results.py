@@ -26,6 +26,7 @@ from gpusim.files.input_file import InputFile, Reader, read_input
 from gpusim.files.output_folder import inside
 from gpusim.report import Drawing, Link, Measurement, Overlay, Series
 from gpusim.scene import Scene
+from gpusim.scene.frames import frame_word
 
 MM = 1e3
 """Of a metre: tables tell lengths in mm."""
@@ -125,6 +126,17 @@ def csv_text(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     return stream.getvalue()
 
 
+def rms(values: Float) -> float:
+    """Root mean square of what is finite; NaN of nothing."""
+    return float(np.sqrt(mean(values**2)))
+
+
+def mean(values: Float) -> float:
+    """Mean of what is finite; NaN of nothing."""
+    known = values[np.isfinite(values)]
+    return float(np.mean(known)) if known.size else float("nan")
+
+
 @dataclass(frozen=True)
 class Reported:
     """What a measurement says in the report; figures are to be drawn. Those of one title that
@@ -160,8 +172,14 @@ class Result:
 
     @property
     def warnings(self) -> list[str]:
-        """What was not well measured, for the report."""
-        return []
+        """What was not well measured, for the report: points that were lost."""
+        lost = ", ".join(self.table.lost()) if "status" in self.table.columns else ""
+        return [f"measure {self.name!r}: not measured: {lost}"] if lost else []
+
+    def instants(self, scene: Scene) -> tuple[Float, str]:
+        """Load factors or times (F,) of the frames, and what they are called."""
+        factors, word = scene.analysis.load_factors, frame_word(scene).replace("_", " ")
+        return np.array([factors[frame] for frame in self.table.frames]), word
 
     def tables(self) -> dict[str, str]:
         """CSV texts by the ending of the file's name."""

@@ -17,7 +17,7 @@ from gpusim.files.atomic_files import safe_name
 from gpusim.files.output_folder import inside
 from gpusim.pipeline.measurements.deflection.result import DeflectionResult
 from gpusim.pipeline.measurements.kinds import Kind, register
-from gpusim.pipeline.measurements.results import PointTable, Reported, Result, csv_text
+from gpusim.pipeline.measurements.results import PointTable, Reported, Result, csv_text, rms
 from gpusim.report import Drawing, Link, Measurement
 from gpusim.report.measurement_figures import StateCurve, draw_deflections, draw_differences
 from gpusim.scene import Scene
@@ -59,9 +59,7 @@ class DamageLine:
     @property
     def noise_px(self) -> float:
         """RMS of measured minus true difference, px."""
-        error = (self.difference_mm - self.true_difference_mm) / self.mm_per_px
-        fine = error[np.isfinite(error)]
-        return float(np.sqrt(np.mean(fine**2))) if fine.size else float("nan")
+        return rms((self.difference_mm - self.true_difference_mm) / self.mm_per_px)
 
     @property
     def fitted_mm(self) -> Float:

@@ -77,11 +77,11 @@ class CameraPair(FieldMeasurement):
             ))  # fmt: skip
         last, exact = found[-1], dict[str, Reading]()
         if span_a_surface(last.points[last.ok]):
+            after = [motion.pixels(material, name, self.frames[-1]) for name in spec.views]
             pixels = [
-                np.array([where_measured(last.ok, motion.pixels(material, name, frame))
-                          for name in spec.views])
-                for frame in (0, self.frames[-1])
-            ]  # fmt: skip
+                np.array([where_measured(last.ok, one) for one in each])
+                for each in ([view.points for view in views], after)
+            ]
             exact = readings_of_pair(rig_of(cameras), rig, pixels, place)
         axes = "+x", "+y", "+z"
         return self.kept(views, found, readings, axes, levels[0], calibration_px, exact)

@@ -18,7 +18,7 @@ from gpusim.arrays.array_types import Float
 from gpusim.errors import GpusimError
 from gpusim.pipeline.measurements.dic.geometric_error import CALIBRATION, CAUSE
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
-from gpusim.pipeline.measurements.dic.statistics import rms
+from gpusim.pipeline.measurements.results import rms
 from gpusim.scene.description.table import name_and_unit
 
 NOTABLE = 10.0

@@ -72,6 +72,13 @@ class PointFields(Result):
         return lengths or moved
 
     @property
+    def places(self) -> list[str]:
+        """Columns of where points were found in the first pictures, along axes of displacements."""
+        found = [one for one in self.table.columns if one.startswith("measured_")]
+        shape = [one for one in found if one.removeprefix("measured_") not in self.quantities]
+        return shape or ["x_px", "y_px"]
+
+    @property
     def strains(self) -> list[str]:
         """Those of strains."""
         return [name for name in self.quantities if not name_and_unit(name)[1]]

@@ -17,14 +17,13 @@ from gpusim.files.hdf5_file import writing_hdf5
 from gpusim.files.output_folder import inside
 from gpusim.pipeline.measurements.dic import statistics
 from gpusim.pipeline.measurements.dic.point_fields import PointFields
-from gpusim.pipeline.measurements.results import Reported, csv_text
+from gpusim.pipeline.measurements.results import Reported, csv_text, mean, rms
 from gpusim.pipeline.pictures.file_names import image_path
 from gpusim.report import Drawing, Figure, Series
 from gpusim.report.advice import CAPTION, advice_curves, reason
 from gpusim.report.field_maps import ComparedField, draw_compared_fields, draw_differences
 from gpusim.scene import Scene
 from gpusim.scene.description.table import name_and_unit
-from gpusim.scene.frames import frame_word
 
 MOST_LOST = 0.02
 """Share of the points from which on a warning says that they were lost."""
@@ -144,8 +143,8 @@ class FullFieldResult(PointFields):
         frames = self.table.frames
         if len(frames) < 2:
             return []
-        instants = np.array([scene.analysis.load_factors[frame] for frame in frames])
-        errors = np.array([statistics.rms(one) for one in self.raw_px])
+        instants, word = self.instants(scene)
+        errors = np.array([rms(one) for one in self.raw_px])
         lines = [("RMS error", "px", errors, np.zeros(len(frames)))]
         for name in self.strains:
             measured, smooth = (
@@ -153,11 +152,10 @@ class FullFieldResult(PointFields):
                 for one in (f"measured_{name}", f"levelled_{name}")
             )
             found, true = (
-                statistics.MICROSTRAIN * np.array([statistics.mean(one) for one in values])
+                statistics.MICROSTRAIN * np.array([mean(one) for one in values])
                 for values in (measured, smooth)
             )
             lines.append((f"mean {name}", statistics.MICRO_UNIT, found, true))
-        word = frame_word(scene).replace("_", " ")
         return [
             Series(f"{self.name}: {what}", instants, found, true, word, what, unit)
             for what, unit, found, true in lines

@@ -16,6 +16,7 @@ from gpusim.arrays.array_types import Float
 from gpusim.measure import gauge_filter
 from gpusim.measure.correlation.matching import MIN_BLUR, SLOPE_NOISE
 from gpusim.pipeline.measurements.dic.point_fields import PointFields
+from gpusim.pipeline.measurements.results import mean, rms
 from gpusim.report import Measurement
 from gpusim.scene.description.table import name_and_unit
 
@@ -37,17 +38,6 @@ BEYOND = ", beyond the subsets' smoothing"
 
 Row = tuple[str, str, float, float]
 """What it is, its unit, measured, true (zero of what should be zero, NaN where there is none)."""
-
-
-def rms(values: Float) -> float:
-    """Root mean square of what is finite; NaN of nothing."""
-    return float(np.sqrt(mean(values**2)))
-
-
-def mean(values: Float) -> float:
-    """Mean of what is finite; NaN of nothing."""
-    known = values[np.isfinite(values)]
-    return float(np.mean(known)) if known.size else float("nan")
 
 
 def measurements(result: PointFields) -> list[Measurement]:

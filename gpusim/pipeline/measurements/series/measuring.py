@@ -28,11 +28,10 @@ from gpusim.pipeline.measurements.sources import Sources
 from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
+from gpusim.scene.description.table import name_and_unit
 
 ANCHOR_STEP = 2
 """Subsets from one to the next of those by which a calibrated rig is laid on the structure."""
-ALONG = {"u": "x", "v": "y", "U": "X", "V": "Y", "W": "Z"}
-"""Which coordinate a displacement changes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +72,9 @@ class SeriesKind:
         region = picture.region(points)
         field = TrueField.of(picture.motion, spec.views[0], region, points)
         found = measured_at(field, dic, scene, sources)
+        followed = _Followed(subsets, field, found)
         frames = {
-            frame: self._frame(spec, subsets, field, found, number)
-            for number, frame in enumerate(found.table.frames)
+            frame: self._columns(spec, followed, k) for k, frame in enumerate(found.table.frames)
         }
         names = (self.what,) if self.joined else subsets.names
         shown = subsets.middle if self.moves else np.arange(len(subsets.pixels))
@@ -85,40 +84,22 @@ class SeriesKind:
             points[shown], shift[shown],
         )  # fmt: skip
 
-    def _frame(
-        self, spec: m.SeriesTable, subsets: PlacedSubsets, field: TrueField, found: PointFields,
-        number: int,
-    ) -> Columns:  # fmt: skip
-        """Columns of a frame, the ``number``-th one of the table of what was ``found``."""
-        own = len(subsets.pixels)
-        table = {name: column[number, :own] for name, column in found.table.columns.items()}
-        moved = [name.split("_") for name in found.displacements]
-        unit = moved[0][1]
-        before = "measured_" if unit == "mm" else ""
-        places = np.column_stack([table[f"{before}{ALONG[one]}_{unit}"] for one, _ in moved])
-        shifts = [found.values(kind, found.displacements)[number, :own]
-                  for kind in ("measured", "true")]  # fmt: skip
-        frame, material = found.table.frames[number], field.material[:own]
-        space = MM * field.motion.position(material, 0)
-        real = MM * field.motion.displacement(material, frame)
-        measured = dict(self.quantities(spec, Sample(subsets, places, shifts[0], unit)))
-        true = dict(self.quantities(spec, Sample(subsets, space, real, unit)))
-        if unit == "px":
-            seen = self.quantities(spec, Sample(subsets, places, shifts[1], unit))
+    def _columns(self, spec: m.SeriesTable, followed: _Followed, k: int) -> Columns:
+        """Of the ``k``-th frame."""
+        subsets, table = followed.subsets, followed.table(k)
+        measured = dict(self.quantities(spec, followed.picture(k, "measured")))
+        true = dict(self.quantities(spec, followed.space(k)))
+        if followed.unit == "px":
+            seen = self.quantities(spec, followed.picture(k, "true"))
             true |= {name: column for name, column in seen.items() if name.endswith("_px")}
-        middle = subsets.middle
         if self.moves:
-            known = {name: table[f"measured_{name}"][middle] for name in found.displacements}
-            measured = known | measured
-            true |= {name: table[f"true_{name}"][middle] for name in known}
+            moved = followed.found.displacements
+            own = [{one: table[f"{kind}_{one}"][subsets.middle] for one in moved}
+                   for kind in ("measured", "true")]  # fmt: skip
+            measured, true = own[0] | measured, own[1] | true
         row = 0 * subsets.place if self.joined else subsets.place
-        columns = _followed(table, row, np.isfinite(next(iter(measured.values()))))
-        if self.moves:
-            columns |= {"x_px": table["x_px"][middle], "y_px": table["y_px"][middle]}
-            steps = np.diff((places if unit == "px" else space)[middle], axis=0)
-            way = np.cumsum([0.0, *np.linalg.norm(steps, axis=1)])
-            columns |= {f"along_{unit}": way} if self.what == "place" else {}
-            columns |= {n: c[middle] for n, c in table.items() if n.startswith("sigma_")}
+        columns = _status(table, row, np.isfinite(next(iter(measured.values()))))
+        columns |= followed.places(k, self.what == "place") if self.moves else {}
         for name, column in measured.items():
             columns |= {f"measured_{name}": column, f"true_{name}": true[name],
                         f"difference_{name}": column - true[name]}  # fmt: skip
@@ -133,7 +114,50 @@ class SeriesKind:
         return []
 
 
-def _followed(table: Columns, row: Long, measured: Any) -> dict[str, Any]:
+@dataclass(frozen=True, eq=False)
+class _Followed:
+    """``subsets`` as they were ``found`` in all frames, before other points of the ``field``."""
+
+    subsets: PlacedSubsets
+    field: TrueField
+    found: PointFields
+
+    @property
+    def unit(self) -> str:
+        """Of displacements."""
+        return name_and_unit(self.found.displacements[0])[1]
+
+    def table(self, k: int) -> Columns:
+        """Columns (N,) of the ``k``-th frame."""
+        count = len(self.subsets.pixels)
+        return {name: column[k, :count] for name, column in self.found.table.columns.items()}
+
+    def picture(self, k: int, kind: str) -> Sample:
+        """The subsets as the pictures show them, displacements "measured" or "true"."""
+        table = self.table(k)
+        places = np.column_stack([table[name] for name in self.found.places])
+        moved = np.column_stack([table[f"{kind}_{name}"] for name in self.found.displacements])
+        return Sample(self.subsets, places, moved, self.unit)
+
+    def space(self, k: int) -> Sample:
+        """What really happens to their material, mm."""
+        motion, material = self.field.motion, self.field.material[: len(self.subsets.pixels)]
+        moved = motion.displacement(material, self.found.table.frames[k])
+        return Sample(self.subsets, MM * motion.position(material, 0), MM * moved, self.unit)
+
+    def places(self, k: int, along: bool) -> dict[str, Any]:
+        """Columns of where the middles are, how far ``along`` a line if they are on one, and of
+        uncertainties."""
+        table, middle = self.table(k), self.subsets.middle
+        columns = {name: table[name][middle] for name in ("x_px", "y_px")}
+        if along:
+            one = self.picture(k, "true") if self.unit == "px" else self.space(k)
+            steps = np.linalg.norm(np.diff(one.places[middle], axis=0), axis=1)
+            columns[f"along_{self.unit}"] = np.cumsum([0.0, *steps])
+        return columns | {n: c[middle] for n, c in table.items() if n.startswith("sigma_")}
+
+
+def _status(table: Columns, row: Long, measured: Any) -> dict[str, Any]:
     """Columns that say whether rows were ``measured``, or the reason why not, and which share of
     their subsets was followed."""
     words = np.where(table["hidden"], "HIDDEN", table["status"])

@@ -14,13 +14,12 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.pipeline.measurements.dic.field_columns import STRAINS
-from gpusim.pipeline.measurements.dic.statistics import GOAL, MICRO_UNIT, MICROSTRAIN, rms
-from gpusim.pipeline.measurements.results import Reported, Result
+from gpusim.pipeline.measurements.dic.statistics import GOAL, MICRO_UNIT, MICROSTRAIN
+from gpusim.pipeline.measurements.results import Reported, Result, rms
 from gpusim.pipeline.pictures.file_names import image_path
 from gpusim.report import Measurement, Overlay, Series
 from gpusim.scene import Scene
 from gpusim.scene.description.table import name_and_unit
-from gpusim.scene.frames import frame_word
 
 MOST_ROWS, MOST_CURVES = 8, 6
 """Places whose numbers are told one by one; profiles in a figure."""
@@ -55,16 +54,14 @@ class SeriesResult(Result):
     @property
     def warnings(self) -> list[str]:
         """Places that were lost, and those of which much was."""
-        what, found = f"measure {self.name!r}", []
-        if lost := ", ".join(self.table.lost()):
-            found.append(f"{what}: not measured: {lost}")
+        found = super().warnings
         least = self.table["followed"].min(axis=0)
         few = (least < LEAST_FOLLOWED) & (self.table["status"] == "OK").all(axis=0)
         if few.any():
             names = ", ".join(
                 f"{self.table.points[k]} ({least[k]:.0%})" for k in np.flatnonzero(few)
             )
-            found.append(f"{what}: few of the subsets were followed: {names}")
+            found.append(f"measure {self.name!r}: few of the subsets were followed: {names}")
         return found
 
     def told(self, quantity: str) -> tuple[str, str, Float, Float]:
@@ -111,8 +108,7 @@ class SeriesResult(Result):
         """Each quantity along the line, in some of the frames, or of the first places over
         frames."""
         frames = self.table.frames
-        x = np.array([scene.analysis.load_factors[frame] for frame in frames])
-        label, how = frame_word(scene).replace("_", " "), ""
+        (x, label), how = self.instants(scene), ""
         curves: list[tuple[str, Any]] = [
             (name, (..., k)) for k, name in enumerate(self.table.points[:MOST_ROWS])
         ]

@@ -10,7 +10,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.pipeline.measurements.dic import FullFieldResult
-from gpusim.pipeline.measurements.dic.statistics import rms
+from gpusim.pipeline.measurements.results import rms
 
 MIDDLE = np.array([30.0, 15.0, 0.5])
 

@@ -19,7 +19,8 @@ import gpusim as gs
 from gpusim.errors import InputError, SceneError
 from gpusim.pipeline.checks.warnings import build_objects, geometry_warnings
 from gpusim.pipeline.measurements.dic import FullFieldResult
-from gpusim.pipeline.measurements.dic.statistics import rms, scores
+from gpusim.pipeline.measurements.dic.statistics import scores
+from gpusim.pipeline.measurements.results import rms
 from gpusim.plan.plan import make_plan
 from tests.support.shifted_plate import shifted_plate
 from tests.support.speckled_plate import speckled_plate
