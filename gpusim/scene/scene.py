@@ -260,14 +260,14 @@ class Scene:
         )
 
     def with_effects(self, only: Sequence[str] = (), no: Sequence[str] = ()) -> Scene:
-        """The scene with ``only`` these effects of `gpusim.scene.sources` (none given: all), and
+        """The scene with ``only`` these effects of `gpusim.scene.effects` (none given: all), and
         without those in ``no``. Raises InputError for an unknown effect."""
-        from .sources import with_only, without_sources
+        from .effects import with_only, without_effects
 
         document = self.document
         if only:
             document = with_only(document, only)
-        document = without_sources(document, no)
+        document = without_effects(document, no)
         if not only and not no:
             return self
         return Scene.from_document(document, source=self.source, files=self.files)

@@ -16,7 +16,7 @@ from gpusim.pipeline.runner.variants import work_off
 from gpusim.plan.stages import RunOptions
 from gpusim.report import Budget, BudgetRow, Measurement, Report, write_report
 from gpusim.scene import Scene
-from gpusim.scene.sources import active_sources, with_only, without_sources
+from gpusim.scene.effects import active_effects, with_only, without_effects
 from gpusim.validation import require
 
 State = Literal["all", "none", "only", "no"]
@@ -34,7 +34,7 @@ def run_budget(
 ) -> Report:
     """Run ``scene`` into ``out``, then its states in ``out/budget``; the report has the table.
 
-    The states are: none of the effects of `gpusim.scene.sources`, each of them alone, and all but
+    The states are: none of the effects of `gpusim.scene.effects`, each of them alone, and all but
     each. They share one solution. Of each measure its first number and its RMS errors count.
 
     Raises
@@ -48,7 +48,7 @@ def run_budget(
     got = f"{len(scene.variants)} variants, {len(scene.measures)} measures"
     require(fits, where, got, "[[measure]], no [[variant]]")
     document = scene.document
-    effects = active_sources(document)
+    effects = active_effects(document)
     expected = "light, noise, a lens, a shutter or fewer than 16 bits"
     require(len(effects) > 0, where, "none of the effects that a budget is made of", expected)
     states = states_of_effects(document, effects)
@@ -63,7 +63,7 @@ def states_of_effects(
     return {
         ("none", ""): with_only(document, kept),
         **{("only", name): with_only(document, [name, *kept]) for name in effects},
-        **{("no", name): without_sources(document, [name]) for name in effects},
+        **{("no", name): without_effects(document, [name]) for name in effects},
     }
 
 

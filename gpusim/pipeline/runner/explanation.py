@@ -24,7 +24,7 @@ from gpusim.report.field_maps import draw_error_parts
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.scene.description.table import name_and_unit
-from gpusim.scene.sources import active_sources, with_only, with_other_patterns
+from gpusim.scene.effects import active_effects, with_only, with_other_patterns
 from gpusim.validation import require
 
 FOLDER = "explain"
@@ -67,7 +67,7 @@ def explain(
     fixed = all(spec.settings is None for spec in measures)
     require(fixed, where, 'settings = "best"', "the subset and the others that its report names")
     document = _with_true_cameras(scene.document)
-    effects = [name for name in active_sources(document) if name != KEPT]
+    effects = [name for name in active_effects(document) if name != KEPT]
     states = dict(states_of_effects(document, effects, [KEPT]))
     if with_other_patterns(document, 1) != document:
         bare = with_only(document, [KEPT])

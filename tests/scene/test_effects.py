@@ -11,12 +11,12 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.pipeline.runner.error_budget import run_budget
-from gpusim.scene.sources import (
-    SOURCES,
-    active_sources,
+from gpusim.scene.effects import (
+    EFFECTS,
+    active_effects,
     with_only,
     with_other_patterns,
-    without_sources,
+    without_effects,
 )
 from tests.support.shifted_plate import shifted_plate
 
@@ -46,28 +46,28 @@ def full(checkout: Path) -> gs.Scene:
 
 def test_every_effect_can_go_and_the_rest_stays(checkout: Path) -> None:
     document = full(checkout).document
-    assert active_sources(document) == tuple(SOURCES)
+    assert active_effects(document) == tuple(EFFECTS)
     before = copy.deepcopy(document)
-    for name in SOURCES:
-        left = without_sources(document, [name])
+    for name in EFFECTS:
+        left = without_effects(document, [name])
         gone = {"shadows", name} if name == "light" else {name}
-        assert active_sources(left) == tuple(one for one in SOURCES if one not in gone)
-        assert without_sources(left, [name]) == left
+        assert active_effects(left) == tuple(one for one in EFFECTS if one not in gone)
+        assert without_effects(left, [name]) == left
         gs.Scene.from_document(left)  # still a scene
         assert left["body"] == document["body"] and left["measure"] == document["measure"]
     assert document == before
     nothing = with_only(document, [])
-    assert active_sources(nothing) == () and nothing["sensor"]["bits"] == 16
+    assert active_effects(nothing) == () and nothing["sensor"]["bits"] == 16
 
 
 def test_only_some_effects(checkout: Path) -> None:
     scene = full(checkout)
     only = scene.with_effects(only=["noise", "distortion"])
-    assert active_sources(only.document) == ("noise", "distortion")
+    assert active_effects(only.document) == ("noise", "distortion")
     values = scene.sensor.values
     assert only.sensor.values == {key: values[key] for key in ("full_well", "read_noise")}
     shaded = scene.with_effects(only=["shadows"])  # shadows need the light that they keep away
-    assert active_sources(shaded.document) == ("shadows", "light")
+    assert active_effects(shaded.document) == ("shadows", "light")
     assert scene.with_effects() is scene
     with pytest.raises(InputError, match="did you mean distortion"):
         scene.with_effects(no=["distorsion"])
@@ -103,7 +103,7 @@ def test_the_budget_of_noise(checkout: Path, tmp_path: Path) -> None:
 def test_a_raw_mosaic_is_no_effect_but_what_was_asked_for(checkout: Path) -> None:
     raw = {"sensor.bayer": "RGGB", "camera.0.white_balance": [2.0, 1.0, 1.5]}
     scene = gs.load_scene(checkout / "examples" / "cantilever.toml", raw)
-    assert "mosaic" not in active_sources(scene.document)
+    assert "mosaic" not in active_effects(scene.document)
     assert gs.Scene.from_document(with_only(scene.document, [])).sensor.bayer == "RGGB"
 
 
