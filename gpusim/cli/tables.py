@@ -152,6 +152,8 @@ def print_budget(budget: Budget, folder: Path) -> None:
     for row in budget.rows:
         label = words.get(row.state) or f"{row.state} {row.source}"
         out(f"{label:<28}" + "".join(f"{value:12.3g}" for value in row.errors))
+    for text in budget.remarks:
+        out(text)
     out()
     out(f"Report: {folder / 'report.html'}")
 
@@ -160,10 +162,11 @@ def print_explanations(explanations: Sequence[Explanation]) -> None:
     """The parts of each measure's error, and what they say."""
     for one in explanations:
         out()
-        head = f"{one.unit}, RMS", "share", "microstrain", "share"
-        out(f"{one.measure:<28}" + "".join(f"{title:>13}" for title in head))
-        for name, (moved, share, strain, own) in one.parts.items():
-            out(f"{name:<28}{moved:13.3g}{share:z11.1f} %{strain:13.3g}{own:z11.1f} %")
+        heads = (f"{unit:>13}{'share':>13}" for unit in one.units.values())
+        out(f"{f'{one.measure}, RMS':<28}" + "".join(heads))
+        for name, sizes in one.parts.items():
+            told = (f"{size.rms:13.3g}{size.share_percent:z11.1f} %" for size in sizes.values())
+            out(f"{name:<28}" + "".join(told))
         for text in one.remarks:
             out(text)
     out()

@@ -46,7 +46,7 @@ EFFECTS: Mapping[str, Effect] = {
                   {_LENS: {"psf": _GONE, "fill_factor": 1.0}}),
     "defocus": Effect("depth of field", {_LENS: dict.fromkeys(_DEPTH_OF_FIELD, _GONE)}),
     "vignetting": Effect("fall-off towards the corners", {_LENS: {"vignetting": _GONE}}),
-    "distortion": Effect("that of the lens, if it stands in the scene, not in a calibration file",
+    "distortion": Effect("that of the lens, of cameras that no calibration file tells of",
                          {_CAMERA: {"distortion": []}}),
     "motion": Effect("blur while the shutter is open", {_CAMERA: {"shutter": _GONE}}),
     "shadows": Effect("what surfaces hide of lamps and surroundings",
@@ -64,6 +64,19 @@ def _tables(document: Document, path: str) -> list[Document]:
         found = [table[key] for table in here if table.get(key)]
         here = [one for some in found for one in (some if isinstance(some, list) else [some])]
     return here
+
+
+def lenses_of_files(document: Mapping[str, Any]) -> dict[str, str]:
+    """Cameras whose distortion a measure's calibration file undoes, and the measure: it would undo
+    it as well where the pictures have none."""
+    of = {
+        camera: measure["name"]
+        for measure in document.get("measure", ())
+        if measure.get("calibration") not in (None, "true")
+        for camera in measure.get("cameras") or ()
+    }
+    bent = [one["name"] for one in document.get("camera", ()) if one.get("distortion")]
+    return {camera: of[camera] for camera in bent if camera in of}
 
 
 def active_effects(document: Mapping[str, Any]) -> tuple[str, ...]:
@@ -118,8 +131,11 @@ def _without(document: Mapping[str, Any], names: Sequence[str]) -> Document:
             continue  # a raw one is a grey picture, whose channels nothing keeps apart
         if name == "light" and not result.get("light"):
             continue
+        kept = lenses_of_files(result) if name == "distortion" else {}
         for path, changes in EFFECTS[name].changes.items():
             for table in _tables(result, path):
+                if table.get("name") in kept:
+                    continue
                 table |= {key: value for key, value in changes.items() if key in table}
                 for key in [key for key, value in table.items() if value is _GONE]:
                     del table[key]

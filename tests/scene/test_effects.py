@@ -1,4 +1,4 @@
-"""Effects switched off one by one, and what the budget makes of them."""
+"""Effects switched off one by one."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import InputError
-from gpusim.pipeline.runner.error_budget import run_budget
+from gpusim.pipeline.scene_objects.cameras import build_camera
 from gpusim.scene.effects import (
     EFFECTS,
     active_effects,
+    lenses_of_files,
     with_only,
     with_other_patterns,
     without_effects,
@@ -84,22 +85,6 @@ def test_other_drawings_of_random_patterns(checkout: Path) -> None:
     assert with_other_patterns(marked, 1) == marked
 
 
-def test_the_budget_of_noise(checkout: Path, tmp_path: Path) -> None:
-    changes = {"light": [], "sensor.bits": 16, "sensor.full_well_e": 800.0, "output.truth": []}
-    scene = gs.load_scene(checkout / "examples" / "cantilever.toml", changes)
-    report = run_budget(scene, tmp_path)
-    budget = report.budget
-    assert budget is not None and budget.sources == ("noise",)
-    names = [name for name, _ in budget.quantities]
-    assert names[0] == report.measurements[0].name and any("RMS" in name for name in names)
-    rms = next(k for k, name in enumerate(names) if "RMS" in name)
-    # one effect: alone and among all it is the same, and noise of 28 electrons outweighs the rest
-    assert budget.row("only", "noise").errors == pytest.approx(budget.row("all").errors, rel=1e-9)
-    assert budget.row("no", "noise").errors == pytest.approx(budget.row("none").errors, rel=1e-9)
-    assert budget.row("all").errors[rms] > 3.0 * budget.row("none").errors[rms]
-    assert '"budget": {' in (tmp_path / "report.json").read_text(encoding="utf-8")
-
-
 def test_a_raw_mosaic_is_no_effect_but_what_was_asked_for(checkout: Path) -> None:
     raw = {"sensor.bayer": "RGGB", "camera.0.white_balance": [2.0, 1.0, 1.5]}
     scene = gs.load_scene(checkout / "examples" / "cantilever.toml", raw)
@@ -107,12 +92,29 @@ def test_a_raw_mosaic_is_no_effect_but_what_was_asked_for(checkout: Path) -> Non
     assert gs.Scene.from_document(with_only(scene.document, [])).sensor.bayer == "RGGB"
 
 
-def test_a_budget_needs_measures_and_effects(checkout: Path, tmp_path: Path) -> None:
-    path = checkout / "examples" / "cantilever.toml"
-    bare = gs.load_scene(path, {"light": [], "sensor.bits": 16})
-    with pytest.raises(InputError, match="none of the effects"):
-        run_budget(bare, tmp_path / "out")
-    unmeasured = gs.load_scene(path, {"measure": []})
-    with pytest.raises(InputError, match="0 measures"):
-        run_budget(unmeasured, tmp_path / "out")
-    assert not (tmp_path / "out").exists()
+def test_a_lens_that_a_calibration_file_undoes_stays(checkout: Path, tmp_path: Path) -> None:
+    lens = [-0.2, 0.05, 0.0, 0.0, 0.0]
+    pair = {"cameras": ["left", "right"], "calibration": "true"}
+    third = {"name": "third", "resolution_px": [20, 20], "pixel_um": 40.0, "focal_mm": 12.0,
+             "position_mm": [0.0, 0.0, 200.0], "target_mm": [0.0, 0.0, 0.0]}  # fmt: skip
+    changes = {f"camera.{name}.distortion": lens for name in ("left", "right")}
+    scene = shifted_plate((1.0, 0.0, 0.0), pair, **changes)
+    assert active_effects(scene.document) == ("distortion",)
+    assert lenses_of_files(scene.document) == {}
+    cameras = [build_camera(one) for one in scene.cameras]
+    gs.write_calibration(tmp_path / "rig.yml", cameras, "opencv", unit="mm")
+    read = scene.replace("measure.field.calibration", str(tmp_path / "rig.yml"))
+    assert lenses_of_files(read.document) == {"left": "field", "right": "field"}
+    assert active_effects(read.document) == ()
+    assert with_only(read.document, []) == read.document
+    expected = "measure.field.calibration=true"
+    with pytest.raises(InputError, match=rf"--no distortion.*'left'.*'field'.*{expected}"):
+        read.with_effects(no=["noise", "distortion"])
+    assert scene.with_effects(no=["distortion"]).cameras[0].distortion == ()
+    # a camera that no file tells of loses its lens, and so does one without any from a file
+    more = read.document
+    more["camera"].append({**third, "distortion": lens})
+    more["camera"][1]["distortion"] = []
+    assert lenses_of_files(more) == {"left": "field"}
+    left = without_effects(more, ["distortion"])["camera"]
+    assert [one["distortion"] for one in left] == [lens, [], []]

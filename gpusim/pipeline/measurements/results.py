@@ -145,8 +145,8 @@ _REST = "rest"
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What became of one measurement. Kinds add fields (arrays, texts, numbers, tuples) and say
-    more of it."""
+    """What became of one measurement. Kinds add fields (arrays, mappings of equally large arrays by
+    name, texts, numbers, tuples) and say more of it."""
 
     name: str
     table: PointTable
@@ -175,6 +175,8 @@ class Result:
         arrays, rest = dict(self.table.columns), dict[str, Any]()
         for item in fields(self)[2:]:
             value = getattr(self, item.name)
+            if isinstance(value, Mapping):  # the names go with the texts, its arrays as one
+                rest[item.name], value = [*value], np.array([*value.values()])
             (arrays if isinstance(value, np.ndarray) else rest)[item.name] = value
         table = [self.table.what, self.table.frames, self.table.points, [*self.table.columns]]
         arrays[_REST] = np.array(json.dumps([table, rest]))
@@ -202,5 +204,9 @@ def stored_table(file: InputFile) -> tuple[PointTable, dict[str, Any]]:
         arrays = dict(stored)
     (what, frames, points, columns), rest = json.loads(str(arrays.pop(_REST)))
     columns = {column: arrays.pop(column) for column in columns}
-    rest = {key: tuple(v) if isinstance(v, list) else v for key, v in rest.items()}
+    rest = {
+        key: dict(zip(value, arrays.pop(key), strict=True)) if key in arrays
+        else tuple(value) if isinstance(value, list) else value
+        for key, value in rest.items()
+    }  # fmt: skip
     return PointTable(what, tuple(frames), tuple(points), columns), rest | arrays

@@ -23,6 +23,7 @@ from gpusim.pipeline.measurements.dic.correlating import (
 from gpusim.pipeline.measurements.dic.field_measurement import (
     MM,
     FieldMeasurement,
+    KnownErrors,
     Moved,
     columns_of_places,
     compared_columns,
@@ -30,7 +31,7 @@ from gpusim.pipeline.measurements.dic.field_measurement import (
     strain_columns,
     where_measured,
 )
-from gpusim.pipeline.measurements.dic.geometric_error import known_errors, readings_of_pair
+from gpusim.pipeline.measurements.dic.geometric_error import errors_of_pair
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
 from gpusim.pipeline.measurements.dic.rig import calibrated_rig, rig_of
 from gpusim.pipeline.measurements.dic.true_field import TrueField, region_of_second_camera
@@ -93,10 +94,10 @@ class CameraPair(FieldMeasurement):
             np.array([where_measured(found[-1].ok, one) for one in each])
             for each in (before, after)
         ]
-        enough = np.count_nonzero(found[-1].ok) >= LEAST_ALIGNED
-        readings = readings_of_pair(rig_of(cameras), rig, pixels, place) if enough else {}
         strain = None if spec.strain == "none" else partial(_gauge_strain, spec, found[-1])
-        known = known_errors(readings, strain)
+        known = KnownErrors()
+        if np.count_nonzero(found[-1].ok) >= LEAST_ALIGNED:
+            known = errors_of_pair(rig_of(cameras), rig, pixels, place, strain)
         errors = np.array([raw, rest])
         return self.kept(table, axes, errors, levels[0], calibration_px, known)
 

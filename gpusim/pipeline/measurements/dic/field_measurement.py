@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,15 @@ class Moved:
     ok: Bool
 
 
+@dataclass(frozen=True)
+class KnownErrors:
+    """Errors (M, Q) of displacements and strains that no match has made: ``parts``, which add up,
+    and what each of the ``causes`` of the part "calibration" does alone."""
+
+    parts: Mapping[str, Float] = field(default_factory=dict)
+    causes: Mapping[str, Float] = field(default_factory=dict)
+
+
 @dataclass
 class FieldMeasurement:
     """``what`` measures ``spec`` of a ``scene`` in pictures of ``sources``; ``field``: the truth at
@@ -53,10 +62,10 @@ class FieldMeasurement:
         errors: Float,
         level: FilteredField,
         calibration_px: float,
-        known: Mapping[str, Float],
+        known: KnownErrors,
     ) -> FullFieldResult:
         """The result with the settings; ``errors`` (2, F, C, M, 2) px less the truth and less the
-        levelled truth; ``known``: as `geometric_error.known_errors` has it."""
+        levelled truth; ``known``: by `geometric_error`."""
         spec, count = self.spec, len(self.field.points)
         names = [f"p{number:0{len(str(count))}d}" for number in range(1, count + 1)]
         keys = "subset_px step_px shape strain strain_window blur_px formats"
@@ -64,7 +73,7 @@ class FieldMeasurement:
         return FullFieldResult(
             spec.name, PointTable.of("point", names, table), spec.views, axes, **settings,
             pixel_mm=MM * self.field.resolution(), calibration_px=float(calibration_px),
-            known_names=tuple(known), known_errors=np.array([*known.values()]),
+            known_errors=known.parts, known_causes=known.causes,
             raw_px=errors[0], rest_px=errors[1],
             slope=level.slope, contrast=level.contrast, spread=level.spread,
         )  # fmt: skip

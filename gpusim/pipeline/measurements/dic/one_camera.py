@@ -23,6 +23,7 @@ from gpusim.pipeline.measurements.dic.correlating import (
 from gpusim.pipeline.measurements.dic.field_measurement import (
     MM,
     FieldMeasurement,
+    KnownErrors,
     Moved,
     columns_of_places,
     compared_columns,
@@ -30,7 +31,7 @@ from gpusim.pipeline.measurements.dic.field_measurement import (
     strain_columns,
     where_measured,
 )
-from gpusim.pipeline.measurements.dic.geometric_error import known_errors, readings_of_one
+from gpusim.pipeline.measurements.dic.geometric_error import errors_of_one
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
 from gpusim.pipeline.measurements.dic.true_field import inverse_slopes
 from gpusim.pipeline.measurements.results import Columns
@@ -59,7 +60,9 @@ class OneCamera(FieldMeasurement):
             columns |= compared_columns(("u_px", "v_px"), one.displacement, true, smooth)
             places, shifts = (points, points), (one.displacement, smooth)
             if scale is not None:
-                moved = MM * field.motion.displacement(field.material, frame) @ scale.axes.T
+                motion = MM * field.motion.displacement(field.material, frame)
+                moved = motion @ scale.axes.T
+                columns["true_w_mm"] = motion @ np.cross(*scale.axes)
                 slow = moved + np.einsum("mij,mj->mi", scale.slope, smooth - true)
                 found_mm = measure.mapped(one, scale.mapping)
                 columns |= compared_columns(("u_mm", "v_mm"), found_mm.displacement, moved, slow)
@@ -82,19 +85,18 @@ class OneCamera(FieldMeasurement):
             rest.append([one.displacement - smooth])
         axes = ("the picture's x", "the picture's y") if scale is None else scale.names
         calibration = np.nan if scale is None else scale.calibration_px
-        known = {} if scale is None else self._known(found[-1], scale)
+        known = KnownErrors() if scale is None else self._known(found[-1], scale)
         return self.kept(table, axes, np.array([raw, rest]), levelled, calibration, known)
 
-    def _known(self, found: measure.DicResult, scale: _Scale) -> dict[str, Float]:
+    def _known(self, found: measure.DicResult, scale: _Scale) -> KnownErrors:
         """Errors of the last frame that aren't the matches'."""
         motion, material = self.field.motion, self.field.material
-        readings = readings_of_one(
+        strain = None if self.spec.strain == "none" else partial(_gauge_strain, self.spec, found)
+        return errors_of_one(
             motion.camera(self.field.camera), motion.position(material, 0),
             motion.displacement(material, self.frames[-1]), scale.mapping, scale.axes,
-            self.spec.plane_pose is not None,
+            self.spec.plane_pose is not None, strain,
         )  # fmt: skip
-        strain = None if self.spec.strain == "none" else partial(_gauge_strain, self.spec, found)
-        return known_errors(readings, strain)
 
 
 @dataclass(frozen=True, eq=False)
