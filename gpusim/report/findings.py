@@ -220,10 +220,11 @@ class Budget:
 
 @dataclass(frozen=True)
 class PartSize:
-    """RMS of a part of an error, and its share of the whole: the part's projection on it, so that
-    shares add up."""
+    """RMS of a part of an error, also in percent of that of the whole, and its share of the whole:
+    the part's projection on it, so that shares add up."""
 
     rms: float
+    rms_percent: float
     share_percent: float
 
 

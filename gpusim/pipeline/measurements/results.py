@@ -204,9 +204,7 @@ def stored_table(file: InputFile) -> tuple[PointTable, dict[str, Any]]:
         arrays = dict(stored)
     (what, frames, points, columns), rest = json.loads(str(arrays.pop(_REST)))
     columns = {column: arrays.pop(column) for column in columns}
-    rest = {
-        key: dict(zip(value, arrays.pop(key), strict=True)) if key in arrays
-        else tuple(value) if isinstance(value, list) else value
-        for key, value in rest.items()
-    }  # fmt: skip
+    rest = {key: tuple(v) if isinstance(v, list) else v for key, v in rest.items()}
+    for key in rest.keys() & arrays.keys():
+        rest[key] = dict(zip(rest[key], arrays.pop(key), strict=True))
     return PointTable(what, tuple(frames), tuple(points), columns), rest | arrays

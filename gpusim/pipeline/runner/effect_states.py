@@ -22,6 +22,9 @@ from gpusim.scene.description.measure_table import MeasureTable
 from gpusim.scene.effects import with_only, without_effects
 from gpusim.validation import require
 
+LEAN = {"truth": [], "vtu": False, "stl": False, "stress": False, "calibration": [],
+        "fields": False}  # fmt: skip
+"""Of [output], in states: files that nobody needs of them."""
 State = Literal["none", "only", "no"]
 Documents = Mapping[tuple[State, str], dict[str, Any]]
 """Of scenes, by what their pictures have of the effects: "no" or "only" the one of a name."""
@@ -65,18 +68,16 @@ class EffectStates:
         return f"{self.folder}/{f'{state} {name}'.strip().replace(' ', '-')}"
 
     def run(
-        self,
-        scene: Scene,
-        out: str | PathLike[str],
-        backend: str,
-        progress: Progress | None,
+        self, scene: Scene, out: str | PathLike[str], backend: str, progress: Progress | None,
         draws: bool = True,
-    ) -> Execution:
+    ) -> Execution:  # fmt: skip
         """Run ``scene`` into ``out``, and its states, whose reports have figures or not."""
         scenes = {"": scene}
         for (state, name), document in self.documents.items():
+            lean = document | {"output": document.get("output", {}) | LEAN}
+            source = f"{scene.source}, {state} {name}".strip()
             scenes[self.place(state, name)] = Scene.from_document(
-                _lean(document), source=f"{scene.source}, {state} {name}".strip(), files=scene.files
+                lean, source=source, files=scene.files
             )
         options = RunOptions(chosen_backend("run", backend))
         with claim(out) as claimed:
@@ -93,11 +94,3 @@ class EffectStates:
         states = len(self.documents) + 1
         execution.log.tell(self.folder, 1.0, f"{states} states of {len(self.effects)} effects")
         return report
-
-
-def _lean(document: dict[str, Any]) -> dict[str, Any]:
-    """The document without files that nobody needs of a state."""
-    output = document.setdefault("output", {})
-    output |= {"truth": [], "vtu": False, "stl": False, "stress": False, "calibration": [],
-               "fields": False}  # fmt: skip
-    return document

@@ -67,9 +67,13 @@ def explain(
             documents["none", name] = with_other_patterns(bare, number)
     states = EffectStates(FOLDER, effects, documents)
     execution = states.run(scene, out, backend, progress, draws=False)
+    places = "", *(states.place(*key) for key in documents)
     explanations, links = [], [*execution.reports[""].links]
     for spec in measures:
-        found = _parts(execution, spec.name, states)
+        results: list[Any] = [
+            read_results(execution.decision, place, spec.name)[0] for place in places
+        ]
+        found = error_parts(results[0], dict(zip(documents, results[1:], strict=True)))
         path = inside(execution.out, FOLDER, f"{safe_name(spec.name)}.csv")
         write_text(path, _table(found))
         explanations.append(_explanation(scene, execution, found))
@@ -89,20 +93,6 @@ def _with_true_cameras(document: dict[str, Any]) -> dict[str, Any]:
         board = (result.pop("calibration", None) or {}).get("board")
         result["prop"] = [one for one in result.get("prop", []) if one["name"] != board]
     return result
-
-
-def _parts(execution: Execution, measure: str, states: EffectStates) -> ErrorParts:
-    """Of one measure."""
-
-    def read(place: str) -> Any:
-        (found,) = read_results(execution.decision, place, measure)
-        return found
-
-    by_state: dict[str, dict[str, Any]] = {"none": {}, "only": {}, "no": {}}
-    for state, name in states.documents:
-        by_state[state][name] = read(states.place(state, name))
-    none, *others = by_state["none"].values()
-    return error_parts(read(""), none, by_state["only"], by_state["no"], others)
 
 
 def _explanation(scene: Scene, execution: Execution, found: ErrorParts) -> Explanation:

@@ -14,7 +14,6 @@ import numpy as np
 from gpusim import measure
 from gpusim.arrays.array_types import Bool, Float
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.pipeline.measurements.camera_readings import camera_readings, steps
 
 PARTS = {
     "axis": "motion along the camera's axis changes the scale",
@@ -46,7 +45,11 @@ def projection_error(
     A marker that gets out of the camera's sight has NaN.
     """
     forward = camera.camera_from_world[2, :3]
-    within = moved - np.outer(moved @ forward, forward)
+    along = moved @ forward
+    within = moved - along[:, None] * forward
+
+    def seen(lens: Camera, displacement: Float) -> Float:
+        return lens.project(position + displacement) - lens.project(position)
 
     def exact(lens: Camera) -> measure.Scale:
         centres = lens.project(position)
@@ -55,14 +58,14 @@ def projection_error(
             return scale
         return measure.scale_coefficient(centres[known], 1e3 * position[known] @ plane.T)
 
-    def read(lens: Camera, motion: Float, by: measure.Scale | None = None) -> Float:
-        seen = lens.project(position + motion) - lens.project(position)
-        return (by or exact(lens)).vectors(seen)
-
-    sideways, whole, bent = camera_readings(camera, within, moved, read)
-    readings = {
-        "truth": 1e3 * moved @ plane.T, "plane": sideways, "axis": whole, "lens": bent,
-        "scale": read(camera, moved, scale),
-    }  # fmt: skip
-    errors = steps(readings)
-    return {part: errors[part] for part in PARTS}
+    ideal = camera.without_distortion()
+    pinhole = exact(ideal)
+    sideways, whole = (pinhole.vectors(seen(ideal, motion)) for motion in (within, moved))
+    bent = exact(camera).vectors(seen(camera, moved))
+    truth = 1e3 * moved @ plane.T
+    return {
+        "axis": whole - sideways,
+        "plane": sideways - truth,
+        "lens": bent - whole,
+        "scale": scale.vectors(seen(camera, moved)) - bent,
+    }

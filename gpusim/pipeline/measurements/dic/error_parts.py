@@ -9,7 +9,7 @@ the parts still add up (Shapley's values in a game of pairs).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -31,7 +31,6 @@ RIGID = 1e-6
 BENT = 0.05
 """Share of a map's variance beyond its plane from which on it is a parabola, not a tilt."""
 MOVED = "displacements"
-MISSING, WHOLE = "missing", "measured less true"
 
 
 class Kind(NamedTuple):
@@ -76,41 +75,32 @@ class ErrorParts:
             own, whole = part[:, columns], self.whole[:, columns]
             squares = np.nansum(whole**2)
             share = float(np.nansum(own * whole) / squares) if squares else np.nan
-            sizes[kind] = PartSize(factor * rms(own), 100.0 * share)
+            percent = 100.0 * rms(own) / rms(whole) if squares else 0.0
+            sizes[kind] = PartSize(factor * rms(own), percent, 100.0 * share)
         return sizes
 
     @cached_property
     def sizes(self) -> dict[str, dict[str, PartSize]]:
         """Of all parts, what they miss, and the whole."""
-        every = {**self.parts, MISSING: self.missing, WHOLE: self.whole}
+        every = {**self.parts, "missing": self.missing, "measured less true": self.whole}
         return {name: self.size(one) for name, one in every.items()}
-
-    def over_whole(self, part: Float) -> dict[str, float]:
-        """RMS of a part in percent of that of the whole error, by kinds of quantities; 0 of
-        nothing."""
-        sizes = self.size(part)
-        return {
-            kind: 100.0 * sizes[kind].rms / whole.rms if whole.rms > 0.0 else 0.0
-            for kind, whole in self.sizes[WHOLE].items()
-        }
 
 
 def error_parts(
-    whole: FullFieldResult,
-    none: FullFieldResult,
-    only: Mapping[str, FullFieldResult],
-    no: Mapping[str, FullFieldResult],
-    others: Sequence[FullFieldResult] = (),
+    whole: FullFieldResult, states: Mapping[tuple[str, str], FullFieldResult]
 ) -> ErrorParts:
-    """The parts of the ``whole``, from what was measured with none of some effects, with each of
-    them alone, with all but each, and with none in ``others`` of the random patterns.
+    """The parts of the ``whole``, from what was measured in ``states``: with "none" of some
+    effects, first with the same and then with other random patterns, and with "only" one and with
+    all but one ("no") of each name.
 
     Raises GpusimError if there is no point that all of them have.
     """
     parts, together = dict(whole.known_errors), dict[str, Float]()
+    none, *others = (one for (state, _), one in states.items() if state == "none")
     bare, full = _in_pictures(none), _in_pictures(whole)
-    for name in only:
-        added, taken = _in_pictures(only[name]) - bare, full - _in_pictures(no[name])
+    for name in (name for state, name in states if state == "only"):
+        added = _in_pictures(states["only", name]) - bare
+        taken = full - _in_pictures(states["no", name])
         parts[name], together[name] = 0.5 * (added + taken), 0.5 * (taken - added)
     parts["settings"] = _errors(none, "levelled")
     rest = [_in_pictures(one) - _errors(one, "levelled") for one in (none, *others)]
@@ -212,12 +202,12 @@ def _unfitted(values: Float, terms: Float) -> float:
 
 def _sum(found: ErrorParts) -> str:
     """Whether the parts add up, and which of them act on each other."""
-    missing = found.over_whole(found.missing)
-    told = " and ".join(f"{share:.1f} % of {kind}" for kind, share in missing.items())
+    missing = found.sizes["missing"].items()
+    told = " and ".join(f"{size.rms_percent:.1f} % of {kind}" for kind, size in missing)
     words = f"The parts add up to the error but for {told} (RMS)."
     acting = [
         name for name, one in found.together.items()
-        if max(found.over_whole(one).values()) > NOTABLE
+        if max(size.rms_percent for size in found.size(one).values()) > NOTABLE
     ]  # fmt: skip
     if acting:
         words += f" What {', '.join(acting)} do depends on the other effects: half of it is theirs."

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from gpusim import measure
 from gpusim.arrays.array_types import Float
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.pipeline.measurements.camera_readings import camera_readings, steps
 from gpusim.pipeline.measurements.dic.field_measurement import (
     MM,
     KnownErrors,
@@ -47,14 +47,16 @@ def errors_of_one(
         before, after = (mapping(lens.project(position + s)) for s in (0.0 * motion, motion))
         return _values((before, after - before), strain)
 
-    within = moved @ axes.T @ axes
-    truth = _values((MM * position @ axes.T, MM * moved @ axes.T), strain)
-    if on_plane:
-        readings = {CALIBRATION: read(camera, within), "out-of-plane motion": read(camera, moved)}
-    else:
-        names = "scale and perspective", "out-of-plane motion", "distortion"
-        readings = dict(zip(names, camera_readings(camera, within, moved, read), strict=True))
-    return KnownErrors(steps({"truth": truth, **readings}))
+    ideal = camera if on_plane else camera.without_distortion()
+    readings = {
+        "truth": _values((MM * position @ axes.T, MM * moved @ axes.T), strain),
+        CALIBRATION if on_plane else "scale and perspective": read(ideal, moved @ axes.T @ axes),
+        "out-of-plane motion": read(ideal, moved),
+    }
+    if not on_plane:
+        readings["distortion"] = read(camera, moved)
+    steps = pairwise(readings.items())
+    return KnownErrors({name: reading - before for (_, before), (name, reading) in steps})
 
 
 def errors_of_pair(

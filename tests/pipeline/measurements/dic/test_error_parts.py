@@ -55,10 +55,9 @@ def test_effects_that_act_on_each_other_in_pairs_add_up() -> None:
         return fields(alone + sum(one for pair, one in pairs.items() if set(pair) <= present))
 
     every = set(own)
-    only, no = ({name: error(one(name)) for name in own} for one in (
-        lambda name: {name}, lambda name: every - {name}
-    ))  # fmt: skip
-    found = error_parts(error(every), error(set()), only, no)
+    states = {("only", name): error({name}) for name in own}
+    states |= {("no", name): error(every - {name}) for name in own}
+    found = error_parts(error(every), {("none", ""): error(set()), **states})
     assert np.abs(found.missing).max() < 1e-15
     expected = own["noise"] + 0.5 * pairs["noise", "psf"]
     assert found.parts["noise"] == pytest.approx(expected, abs=1e-15)
@@ -74,8 +73,8 @@ def test_what_three_do_together_is_missing() -> None:
     together = random()
     names = {"noise", "psf", "light"}
     nothing = fields(0.0 * together)
-    found = error_parts(fields(together), nothing, dict.fromkeys(names, nothing),
-                        dict.fromkeys(names, nothing))  # fmt: skip
+    states = [("none", ""), *((state, name) for state in ("only", "no") for name in names)]
+    found = error_parts(fields(together), dict.fromkeys(states, nothing))
     # each takes all of it away and adds nothing alone: half of it three times
     assert found.missing == pytest.approx(
         -0.5 * together + [-1e-5, 0, 0, 0, 0] + [1e-5, 0, 0, 0, 0]
@@ -85,8 +84,9 @@ def test_what_three_do_together_is_missing() -> None:
 
 def test_patterns_are_told_from_what_all_of_them_have() -> None:
     always, drawn = random(), [random() for _ in range(3)]
-    one, *others = (fields(always + own) for own in drawn)
-    found = error_parts(one, one, {}, {}, others)
+    one, second, third = (fields(always + own) for own in drawn)
+    states = {("none", ""): one, ("none", "second"): second, ("none", "third"): third}
+    found = error_parts(one, states)
     assert found.parts["matching"] + found.parts["settings"] == pytest.approx(
         always + np.mean(drawn, axis=0), abs=1e-15
     )
@@ -103,17 +103,18 @@ def test_a_rigid_motion_that_reads_as_something_is_named() -> None:
     causes = {"focal length of camera front": 0.7 * bent,
               "distortion of camera front": 0.02 * bent}  # fmt: skip
     one = fields(bent, true, {"calibration": bent}, causes)
-    found = error_parts(one, fields(0 * bent, true), {}, {})
+    found = error_parts(one, {("none", ""): fields(0 * bent, true)})
     words = remarks(found)
     assert words[0] == "The largest part of the error of displacements is calibration: 100 %."
     assert words[1].startswith("A rigid motion of 5 mm reads as a parabola in u, by calibration")
     assert "0.056 mm and 160 microstrain" in words[1]
     assert words[2] == "What calibration does comes from: focal length of camera front (+70 %)."
-    flat = error_parts(fields(tilt, true, {"calibration": tilt}), fields(0 * tilt, true), {}, {})
+    one = fields(tilt, true, {"calibration": tilt})
+    flat = error_parts(one, {("none", ""): fields(0 * tilt, true)})
     assert "reads as a stretch or tilt, by calibration" in remarks(flat)[1]
     strained = true + np.array([0.0, 0.0, 1e-3, 0.0, 0.0])
     one = fields(bent, strained, {"calibration": bent})
-    real = error_parts(one, fields(0 * bent, strained), {}, {})
+    real = error_parts(one, {("none", ""): fields(0 * bent, strained)})
     assert not any("rigid" in text for text in remarks(real))
 
 
@@ -121,8 +122,8 @@ def test_points_that_one_state_lost_count_nowhere() -> None:
     error = random()
     lost = error.copy()
     lost[3] = np.nan
-    found = error_parts(fields(error), fields(lost), {}, {})
+    found = error_parts(fields(error), {("none", ""): fields(lost)})
     assert np.isnan(found.whole[3]).all() and np.isnan(found.parts["matching"][3]).all()
     assert all(np.isfinite(one.rms) for one in found.sizes["measured less true"].values())
     with pytest.raises(GpusimError, match="got no point in frame 1 that is found"):
-        error_parts(fields(error), fields(np.full_like(error, np.nan)), {}, {})
+        error_parts(fields(error), {("none", ""): fields(np.full_like(error, np.nan))})
