@@ -1,4 +1,4 @@
-"""Why measured fields differ from the truth: each source of error's part, as maps."""
+"""Why measured fields differ from the truth: the parts of the error, as maps."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def explain(
     Raises
     ------
     InputError
-        No measure of type "dic", or variants.
+        No measure of type "dic", variants, or settings that each state would choose anew.
     GpusimError
         As `gpusim.run`, for any of the states.
 

@@ -85,6 +85,9 @@ def test_parts_of_the_projection_in_closed_form(nearer: tuple[gs.Report, Path]) 
     # Green-Lagrange, at the scale that is 1 % too large
     stretch = 1.01 * (1.0 + 1.0 / 199.0)
     assert strain == pytest.approx(0.5 * (stretch**2 - 1.01**2), rel=2e-2)
+    # it comes nearer, and w goes away from the camera
+    truth = FullFieldResult.read(nearer[1] / "measure", "field").table["true_w_mm"]
+    assert truth == pytest.approx(np.full_like(truth, -1.0), abs=1e-12)
     scale = columns["scale-and-perspective_u_mm"]
     assert scale[near] == pytest.approx(0.03, abs=1e-6)
 
@@ -134,13 +137,13 @@ def test_a_wrong_principal_point_is_found(tmp_path: Path) -> None:
     )
     names = [*found.displacements, *found.strains]
     difference = (found.values("measured", names) - exact.values("measured", names))[-1]
-    known = found.known_errors["calibration"]
+    known = found.geometric_errors["calibration"]
     both = np.isfinite(difference).all(axis=1) & np.isfinite(known).all(axis=1)
     assert both.sum() > 100
     spread = np.abs(known[both]).max(axis=0)
     assert (np.abs(difference - known)[both] < 0.1 * spread + ([1e-3] * 3 + [5e-5] * 3)).all()
-    assert [*exact.known_errors] == ["calibration"] and exact.known_causes == {}
-    assert np.nanmax(np.abs(exact.known_errors["calibration"])) < 1e-9
+    assert [*exact.geometric_errors] == ["calibration"] and exact.causes == {}
+    assert np.nanmax(np.abs(exact.geometric_errors["calibration"])) < 1e-9
 
 
 def test_what_cant_be_explained(tmp_path: Path) -> None:

@@ -11,8 +11,8 @@ In the order in which data passes:
 - `field_measurement`: What both ways of measuring a field share: columns of its table, and the
   result they end in.
 - `rig`: A pair of cameras as it was calibrated, by pictures or in a file, and as it really is.
-- `geometric_error`: What is read off places that are exactly right: errors of calibration, scale,
-  lens, and motion out of the plane.
+- `geometric_error`: Errors that are known without any matching: of calibration, scale, lens, and
+  motion out of the plane.
 - `one_camera`: A field measured by one camera, in px and in mm.
 - `camera_pair`: A field measured by two calibrated cameras: shape and displacement in space, strain
   in the surface.

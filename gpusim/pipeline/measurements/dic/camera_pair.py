@@ -23,7 +23,7 @@ from gpusim.pipeline.measurements.dic.correlating import (
 from gpusim.pipeline.measurements.dic.field_measurement import (
     MM,
     FieldMeasurement,
-    KnownErrors,
+    GeometricErrors,
     Moved,
     columns_of_places,
     compared_columns,
@@ -95,7 +95,7 @@ class CameraPair(FieldMeasurement):
             for each in (before, after)
         ]
         strain = None if spec.strain == "none" else partial(_gauge_strain, spec, found[-1])
-        known = KnownErrors()
+        known = GeometricErrors()
         if np.count_nonzero(found[-1].ok) >= LEAST_ALIGNED:
             known = errors_of_pair(rig_of(cameras), rig, pixels, place, strain)
         errors = np.array([raw, rest])

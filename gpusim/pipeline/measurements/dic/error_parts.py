@@ -34,8 +34,8 @@ MOVED = "displacements"
 
 
 class Kind(NamedTuple):
-    """Quantities of one kind: their ``columns`` in errors (M, Q), and the ``unit`` in which they
-    are told, ``factor`` of which are one of theirs."""
+    """Quantities of one kind: their ``columns`` in errors (M, Q), and the ``unit`` in which sizes
+    are told, for which values are multiplied by a ``factor``."""
 
     columns: slice
     unit: str
@@ -95,7 +95,7 @@ def error_parts(
 
     Raises GpusimError if there is no point that all of them have.
     """
-    parts, together = dict(whole.known_errors), dict[str, Float]()
+    parts, together = dict(whole.geometric_errors), dict[str, Float]()
     none, *others = (one for (state, _), one in states.items() if state == "none")
     bare, full = _in_pictures(none), _in_pictures(whole)
     for name in (name for state, name in states if state == "only"):
@@ -130,7 +130,7 @@ def _errors(result: FullFieldResult, kind: str) -> Float:
 
 def _in_pictures(result: FullFieldResult) -> Float:
     """The error without what is known to come from elsewhere."""
-    return np.asarray(_errors(result, "measured") - sum(result.known_errors.values()))
+    return np.asarray(_errors(result, "measured") - sum(result.geometric_errors.values()))
 
 
 def remarks(found: ErrorParts) -> list[str]:
@@ -138,7 +138,7 @@ def remarks(found: ErrorParts) -> list[str]:
     shares = {name: found.sizes[name][MOVED].share_percent for name in found.parts}
     most = max(shares, key=lambda name: shares[name])
     told = [f"The largest part of the error of displacements is {most}: {shares[most]:.0f} %."]
-    for name in found.result.known_errors:
+    for name in found.result.geometric_errors:
         if abs(shares[name]) >= NOTABLE:
             told.append(_rigid_motion(found, name))
             told.append(_causes(found) if name == CALIBRATION else "")
@@ -152,7 +152,7 @@ def _causes(found: ErrorParts) -> str:
     part = found.parts[CALIBRATION][:, columns]
     shares = {
         cause: 100.0 * np.nansum(one[:, columns] * part) / np.nansum(part**2)
-        for cause, one in found.result.known_causes.items()
+        for cause, one in found.result.causes.items()
     }
     told = [f"{cause} ({one:+.0f} %)" for cause, one in shares.items() if abs(one) >= NOTABLE]
     return f"What {CALIBRATION} does comes from: {'; '.join(told)}." if told else ""

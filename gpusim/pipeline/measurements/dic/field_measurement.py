@@ -35,7 +35,7 @@ class Moved:
 
 
 @dataclass(frozen=True)
-class KnownErrors:
+class GeometricErrors:
     """Errors (M, Q) of displacements and strains that no match has made: ``parts``, which add up,
     and what each of the ``causes`` of the part "calibration" does alone."""
 
@@ -62,7 +62,7 @@ class FieldMeasurement:
         errors: Float,
         level: FilteredField,
         calibration_px: float,
-        known: KnownErrors,
+        known: GeometricErrors,
     ) -> FullFieldResult:
         """The result with the settings; ``errors`` (2, F, C, M, 2) px less the truth and less the
         levelled truth; ``known``: by `geometric_error`."""
@@ -73,7 +73,7 @@ class FieldMeasurement:
         return FullFieldResult(
             spec.name, PointTable.of("point", names, table), spec.views, axes, **settings,
             pixel_mm=MM * self.field.resolution(), calibration_px=float(calibration_px),
-            known_errors=known.parts, known_causes=known.causes,
+            geometric_errors=known.parts, causes=known.causes,
             raw_px=errors[0], rest_px=errors[1],
             slope=level.slope, contrast=level.contrast, spread=level.spread,
         )  # fmt: skip

@@ -19,7 +19,7 @@ from gpusim.arrays.array_types import Float
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.measurements.dic.field_measurement import (
     MM,
-    KnownErrors,
+    GeometricErrors,
     strain_components,
 )
 from gpusim.pipeline.measurements.dic.rig import Rig
@@ -36,7 +36,7 @@ Strain = Callable[[Float, Float], Float]
 def errors_of_one(
     camera: Camera, position: Float, moved: Float, mapping: Callable[[Float], Float], axes: Float,
     on_plane: bool, strain: Strain | None,
-) -> KnownErrors:  # fmt: skip
+) -> GeometricErrors:  # fmt: skip
     """What makes the reading of one ``camera`` wrong, of points at a ``position`` that ``moved``,
     (M, 3) m.
 
@@ -56,12 +56,12 @@ def errors_of_one(
     if not on_plane:
         readings["distortion"] = read(camera, moved)
     steps = pairwise(readings.items())
-    return KnownErrors({name: reading - before for (_, before), (name, reading) in steps})
+    return GeometricErrors({name: reading - before for (_, before), (name, reading) in steps})
 
 
 def errors_of_pair(
     true: Rig, calibrated: Rig, seen: Sequence[Float], place: Float, strain: Strain | None
-) -> KnownErrors:
+) -> GeometricErrors:
     """What makes the reading of a pair wrong, of points ``seen`` (2, M, 2) px before and after they
     moved, laid on their true ``place`` (M, 3) mm: the ``calibrated`` rig in place of the ``true``
     one. Its causes are the groups of parameters, each wrong alone."""
@@ -77,7 +77,7 @@ def errors_of_pair(
             error = read((changed, true[1]) if number == 0 else (true[0], changed)) - truth
             if np.nansum(np.abs(error)) > ROUNDING:
                 causes[name] = error
-    return KnownErrors({CALIBRATION: read(calibrated) - truth}, causes)
+    return GeometricErrors({CALIBRATION: read(calibrated) - truth}, causes)
 
 
 def _values(reading: Reading, strain: Strain | None) -> Float:

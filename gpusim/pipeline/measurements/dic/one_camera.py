@@ -23,7 +23,7 @@ from gpusim.pipeline.measurements.dic.correlating import (
 from gpusim.pipeline.measurements.dic.field_measurement import (
     MM,
     FieldMeasurement,
-    KnownErrors,
+    GeometricErrors,
     Moved,
     columns_of_places,
     compared_columns,
@@ -85,10 +85,10 @@ class OneCamera(FieldMeasurement):
             rest.append([one.displacement - smooth])
         axes = ("the picture's x", "the picture's y") if scale is None else scale.names
         calibration = np.nan if scale is None else scale.calibration_px
-        known = KnownErrors() if scale is None else self._known(found[-1], scale)
+        known = GeometricErrors() if scale is None else self._known(found[-1], scale)
         return self.kept(table, axes, np.array([raw, rest]), levelled, calibration, known)
 
-    def _known(self, found: measure.DicResult, scale: _Scale) -> KnownErrors:
+    def _known(self, found: measure.DicResult, scale: _Scale) -> GeometricErrors:
         """Errors of the last frame that aren't the matches'."""
         motion, material = self.field.motion, self.field.material
         strain = None if self.spec.strain == "none" else partial(_gauge_strain, self.spec, found)

@@ -37,7 +37,7 @@ def fields(
         "field", table, ("front",), ("+x", "+y"), subset_px=21, step_px=10, shape="affine",
         strain="hencky", strain_window=5, blur_px=0.0, formats=("csv",), pixel_mm=0.1,
         calibration_px=np.nan, raw_px=none, rest_px=none, slope=X, contrast=X, spread=none[0, 0],
-        known_errors=known or {}, known_causes=causes or {},
+        geometric_errors=known or {}, causes=causes or {},
     )  # fmt: skip
 
 
