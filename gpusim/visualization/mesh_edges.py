@@ -8,6 +8,8 @@ from gpusim.arrays.array_types import Bool, Float
 from gpusim.surface import Skin
 from gpusim.surface.surface import Surface
 
+CREASE = np.cos(np.pi / 6)
+
 
 def _ends(surface: Surface, edges: Bool) -> Float:
     """(n, 2, 3): where the edges (E,) that are wanted lie now."""
@@ -39,8 +41,8 @@ def element_edges(surface: Surface, skin: Skin) -> Float:
     return _ends(surface, between | ~topology.manifold)
 
 
-def crease_edges(surface: Surface, angle: float = np.pi / 6, eye: Float | None = None) -> Float:
-    """(n, 2, 3) m, world: edges at which a surface turns by more than ``angle`` (rad), ends,
+def crease_edges(surface: Surface, eye: Float | None = None) -> Float:
+    """(n, 2, 3) m, world: edges at which a surface turns by more than 30°, ends,
     changes its paint, or turns away from an ``eye`` (3,)."""
     topology = surface.topology
     a, b, c = (surface.points[topology.triangles[:, k]] for k in range(3))
@@ -52,4 +54,4 @@ def crease_edges(surface: Surface, angle: float = np.pi / 6, eye: Float | None =
     if eye is not None:
         away = ((a - eye) * normal).sum(axis=1) > 0.0
         other |= away[topology.first] != away[topology.second]
-    return _ends(surface, (cosine < np.cos(angle)) | ~topology.manifold | other)
+    return _ends(surface, (cosine < CREASE) | ~topology.manifold | other)

@@ -19,7 +19,6 @@ import numpy.typing as npt
 
 from gpusim.field_summary import field_summary
 from gpusim.gpu import Device, working_device
-from gpusim.measure.advice.gauge_filter import GaugeFilter, gauge_filter
 from gpusim.measure.advice.image_noise import ImageNoise, image_noise
 from gpusim.measure.advice.pattern_quality import (
     PatternQuality,
@@ -30,6 +29,7 @@ from gpusim.measure.advice.pattern_quality import (
 from gpusim.measure.advice.pattern_trial import PatternTrial, TrialErrors, WaveError
 from gpusim.measure.advice.synthetic_motion import TAPER, WaveMotion
 from gpusim.measure.correlation.dic import grid_points
+from gpusim.measure.correlation.gauge_filter import GaugeFilter, gauge_filter
 from gpusim.measure.correlation.pixel_mask import check_mask
 from gpusim.measure.correlation.warp import Shape
 from gpusim.measure.images import check_image
