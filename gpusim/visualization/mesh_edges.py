@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float
+from gpusim.mesh.polygons import unit_normals
 from gpusim.surface import Skin
 from gpusim.surface.surface import Surface
 
@@ -45,13 +46,12 @@ def crease_edges(surface: Surface, eye: Float | None = None) -> Float:
     """(n, 2, 3) m, world: edges at which a surface turns by more than 30°, ends,
     changes its paint, or turns away from an ``eye`` (3,)."""
     topology = surface.topology
-    a, b, c = (surface.points[topology.triangles[:, k]] for k in range(3))
-    normal = np.cross(b - a, c - a)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    corners = surface.points[topology.triangles]
+    normal = unit_normals(corners)
     cosine = (normal[topology.first] * normal[topology.second]).sum(axis=1)
     region = surface.regions[topology.source]
     other = region[topology.first] != region[topology.second]
     if eye is not None:
-        away = ((a - eye) * normal).sum(axis=1) > 0.0
+        away = ((corners[:, 0] - eye) * normal).sum(axis=1) > 0.0
         other |= away[topology.first] != away[topology.second]
     return _ends(surface, (cosine < CREASE) | ~topology.manifold | other)
