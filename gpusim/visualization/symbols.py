@@ -32,8 +32,6 @@ BEFORE = 2e-3
 """Of the depth, by which lines on a surface lie before it."""
 DENSE = 3.0
 """px: borders of elements that are as short as this aren't drawn."""
-PYRAMID = 13.0
-"""px: of a support."""
 MOST_ARROWS, LONGEST = 40, 70.0
 """Of loads, and its length in px."""
 STEPS = 8
@@ -214,7 +212,7 @@ class Symbols:
         order = np.argsort(-depth)[: int((depth > 0.0).sum())]
         tip, axis = tip[order], axis[order]
         axis = axis / np.linalg.norm(axis, axis=1)[:, None]
-        size = self.size_at(tip, PYRAMID)[:, None]
+        size = self.size_at(tip, 13.0)[:, None]
         side = np.eye(3)[np.argmin(np.abs(axis), axis=1)]
         u = np.cross(axis, side)
         u *= 0.42 * size / np.linalg.norm(u, axis=1)[:, None]
