@@ -11,7 +11,7 @@ In the order in which data passes:
 - `boundary`: Boundary faces of a mesh, outward oriented, with normals and areas.
 - `nearest_places`: Where on a face, flat or curved, the nearest place to a point is.
 - `quality`: Jacobians of the map from a reference cell, aspect ratio, distortion, bad cells.
-- `polygons`: Polygons as triangles and quadrilaterals that lie within them: cut at their dents.
+- `polygons`: Polygons as triangles and quadrilaterals within them, cut at their dents; normals.
 - `mesh`: The mesh: points, cells by type, and named sets.
 - `selection`: Named and geometric selections of nodes and faces.
 - `builders`: Meshes made by number, and meshes made from other meshes.

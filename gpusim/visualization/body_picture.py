@@ -118,14 +118,14 @@ class BodyPictures:
 
     Examples
     --------
-    >>> from gpusim.export.field_catalogue import named_field
+    >>> from gpusim.export.field_catalogue import BODY
     >>> from gpusim.visualization.body_picture import BodyPictures, DisplacedBody
     >>> from gpusim.visualization.turntable import Turntable
     >>> bar = gs.mesh.box(size=(0.3, 0.02, 0.02), divisions=(6, 1, 1))
     >>> u = np.stack([0 * bar.points[:, 0], 0 * bar.points[:, 0], bar.points[:, 0] ** 2], axis=1)
     >>> body = DisplacedBody("bar", gs.Skin(bar, gs.mesh.boundary_faces(bar)), u)
     >>> pictures = BodyPictures(gs.Device(), [body], Turntable())
-    >>> pictures.draw(named_field("displacement_z"), [1e3 * u[:, 2]]).shape
+    >>> pictures.draw(BODY["displacement_z"], [1e3 * u[:, 2]]).shape
     (860, 1280, 3)
     """
 

@@ -56,7 +56,7 @@ def test_what_is_behind_the_camera_is_cut_off(device: Device) -> None:
     assert found[0] == pytest.approx(pen.window(before), abs=1e-3)
     assert found[1, 0] > found[0, 0] + 100.0  # towards the side that it passes on
     pen.lines([[eye - forward, eye - 2.0 * forward]], "black")
-    pen.pyramids(eye - forward, forward, "black")
+    pen.pyramids(eye - forward, forward)
     pen.arrows(eye - forward, forward * 0.1)
     assert len(pen.overlay.quads()) == 1
 
