@@ -52,8 +52,8 @@ def render(
         require(sides is not None, "--resolution", repr(resolution), "like 2448x2048")
         size = (int(sides[1]), int(sides[2])) if sides and resolution else None
         with importing(), starting(output, backend):
+            from gpusim.applications.field_scene import field_scene
             from gpusim.pipeline import run
-            from gpusim.pipeline.field_scene import field_scene
 
             scene = field_scene(
                 field, unit=unit, displacement=displacement, camera=camera, resolution=size,
