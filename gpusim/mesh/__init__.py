@@ -17,6 +17,7 @@ In the order in which data passes:
 - `builders`: Meshes made by number, and meshes made from other meshes.
 - `file_content`: What mesh files of other programs have in common.
 - `formats`: Mesh files of other programs.
+- `part_outline`: The outline of a part: its sizes and faces, for a first scene.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.frame import Frame
 from gpusim.optics.truth import seen_in
-from gpusim.visualization.overlay import INK, Overlay, Shade, display_color
+from gpusim.visualization.overlay import INK, PAPER, Overlay, Shade, display_color
 from gpusim.visualization.placement import Placement
 
 SUPPORT, LOAD, CAMERA = "#2b6cb0", "#d1242f", "#b7791f"
@@ -38,6 +38,10 @@ STEPS = 8
 """Lines along each side of a camera's image."""
 PALE = 0.22
 """Opacity of symbols that a body hides."""
+RING = 9.0
+"""px: radius of a ring round a value."""
+OUTSIDE = 100.0
+"""So bad is a pixel of a text that isn't seen, beside one that hides a body or another mark."""
 
 
 def clusters(
@@ -87,6 +91,12 @@ def frustum(camera: Camera, depth: float) -> Float:
     T = camera.camera_from_world
     world: Float = (depth * rays - T[:3, 3]) @ T[:3, :3]
     return world
+
+
+def _common(box: Float, other: Float) -> float:
+    """The area that two boxes (2, 2), low and high corners, have in common."""
+    sides = np.minimum(box[1], other[1]) - np.maximum(box[0], other[0])
+    return float(sides.clip(0.0).prod())
 
 
 class Symbols:
@@ -144,14 +154,43 @@ class Symbols:
             seen[asked] = seen_in(view, shifted, points[asked])
         return np.asarray(seen)
 
-    def ring(self, point: Float) -> Float:
-        """A ring round a point (3,); where in the window (2,)."""
-        middle: Float = self.window(point[None])[0]
-        turn = np.linspace(0.0, 2.0 * np.pi, 25)
-        around = middle + 9.0 * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-        for color, width in (("white", 5.0), (INK, 2.0)):
-            self.overlay.line(around, color, width)
-        return middle
+    def rings(self, marks: Sequence[tuple[str, Float]], size: int, free: Float) -> None:
+        """A ring round each of some points (3,), and its text beside it in letters of ``size`` px.
+
+        Texts hide as little as they can of bodies and other marks, in what is ``free`` of the
+        window, its upper left and its lower right corner (2, 2), px. They say what is hidden.
+        """
+        marks = [mark for mark in marks if np.isfinite(self.window(mark[1])).all()]
+        points = np.array([point for _, point in marks]).reshape(-1, 3)
+        middles, turn = self.window(points), np.linspace(0.0, 2.0 * np.pi, 25)
+        circle = RING * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        taken = [np.stack([middle - RING, middle + RING]) for middle in middles]
+        seen = self.seen(points, around=True)
+        for (text, _), middle, clear in zip(marks, middles, seen, strict=True):
+            for color, width in (("white", 5.0), (INK, 2.0)):
+                self.overlay.line(middle + circle, color, width)
+            text += "" if clear else ", hidden"
+            extent = np.rint([self.overlay.text_width(text, size) + 12.0, size + 10.0])
+            corners = product((16.0, -16.0 - extent[0]), (-12.0 - extent[1], 12.0))
+            boxes = [np.rint(middle + corner) + np.outer((0, 1), extent) for corner in corners]
+            box = min(boxes, key=lambda box: self._hidden(box, taken, free))
+            taken.append(box)
+            (left, top), (wide, tall) = box[0], extent
+            self.overlay.rectangle(left, top, wide, tall, PAPER)
+            self.overlay.text(left + 6.0, top + 0.5 * tall, text, size, INK, "lm")
+
+    def _hidden(self, box: Float, taken: Sequence[Float], free: Float) -> tuple[float, float]:
+        """How much a text in a box (2, 2) of the window hides, px, and how near it is to the
+        middle: of equal ones that farther out is better, where bodies end."""
+        hidden = sum(_common(box, other) for other in taken)
+        hidden += OUTSIDE * (_common(box, box) - _common(box, free))
+        if self.frame is not None:
+            ids = self.frame.ids()
+            share = np.array(ids.shape[::-1]) / (self.camera.width, self.camera.height)
+            low, high = np.rint(share * (self.place.pixels(box) + 0.5)).clip(0).astype(int)
+            pixels = np.count_nonzero(ids[low[1] : high[1], low[0] : high[0]])
+            hidden += pixels * self.place.scale**2 / float(share.prod())
+        return hidden, -float(np.linalg.norm((box - free).mean(axis=0)))
 
     def size_at(self, points: Float, pixels: float) -> Float:
         """(n,) m: what is ``pixels`` px long in the window, across the view, at points (n, 3)."""
