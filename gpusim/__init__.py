@@ -58,6 +58,7 @@ if _typing.TYPE_CHECKING:
     from gpusim import fem as fem
     from gpusim import measure as measure
     from gpusim import mesh as mesh
+    from gpusim.applications.field_scene import field_scene as field_scene
     from gpusim.deck import Deck as Deck
     from gpusim.deck import load_deck as load_deck
     from gpusim.errors import DeviceError as DeviceError
@@ -105,7 +106,6 @@ if _typing.TYPE_CHECKING:
     from gpusim.optics.calibration.formats import write_calibration as write_calibration
     from gpusim.optics.calibration.lens_fit import fit_lens as fit_lens
     from gpusim.pipeline import run as run
-    from gpusim.pipeline.field_scene import field_scene as field_scene
     from gpusim.pipeline.runner.explanation import explain as explain
     from gpusim.pipeline.scene_solution import solve as solve
     from gpusim.report import Report as Report
@@ -120,6 +120,7 @@ if _typing.TYPE_CHECKING:
 
 _MODULES = ("applications", "errors", "export", "fem", "measure", "mesh")
 _HOMES = {
+    "gpusim.applications.field_scene": "field_scene",
     "gpusim.deck": "Deck load_deck",
     "gpusim.errors": (
         "DeviceError DeviceLost GpusimError InputError NoAdapter NotConverged "
@@ -138,7 +139,6 @@ _HOMES = {
     "gpusim.optics.calibration.formats": "read_calibration write_calibration",
     "gpusim.optics.calibration.lens_fit": "fit_lens",
     "gpusim.pipeline": "run",
-    "gpusim.pipeline.field_scene": "field_scene",
     "gpusim.pipeline.runner.explanation": "explain",
     "gpusim.pipeline.scene_solution": "solve",
     "gpusim.report": "Report",

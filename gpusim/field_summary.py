@@ -22,7 +22,7 @@ def field_summary(self: Any) -> str:
     """
     parts = [
         f"{field.name}={_value_summary(value)}"
-        for field in dataclasses.fields(self)
+        for field in sorted(dataclasses.fields(self), key=lambda one: one.kw_only is True)
         if not _is_default(value := getattr(self, field.name), field.default)
     ]
     text = f"{type(self).__name__}({', '.join(parts)})"

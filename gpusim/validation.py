@@ -142,7 +142,7 @@ def checked(thing: T) -> T:
         name = thing.__qualname__.rpartition("<locals>.")[2]
         return unmasked()(typing.cast(T, _wrapped(thing, name)))
     init: Any = thing.__init__  # type: ignore[misc]
-    thing.__init__ = _wrapped(init, thing.__name__, own_first=True)  # type: ignore[misc]
+    thing.__init__ = _wrapped(init, thing.__name__, thing)  # type: ignore[misc]
     return unmasked()(thing)
 
 
@@ -196,20 +196,21 @@ def _is_masked(value: Any) -> bool:
 
 
 def _wrapped(
-    function: Callable[..., Any], name: str, own_first: bool = False
+    function: Callable[..., Any], name: str, dataclass: type | None = None
 ) -> Callable[..., Any]:
     signature = inspect.signature(function)
     own = [p for p in signature.parameters if p != "self"]
 
     @functools.cache
     def types_of() -> dict[str, list[_Alternative]]:
-        # at the first call: annotations may name what the module defines further down
-        hints = typing.get_type_hints(function, include_extras=True)
+        # at the first call: annotations may name what the module defines further down. A dataclass
+        # may have fields of another module's; no names of its own, which rules couldn't look beyond
+        hints = typing.get_type_hints(dataclass or function, localns={}, include_extras=True)
         return {key: _alternatives(hints[key]) for key in own if key in hints}
 
     def check(given: dict[str, Any], ruled: bool) -> None:
         """Those arguments whose types have a rule, or the others."""
-        label = given.get("name") if own_first else None  # of a camera, a surface
+        label = given.get("name") if dataclass else None  # of a camera, a surface
         where = f"{name} {label!r}" if isinstance(label, str) else name
         for key, alternatives in types_of().items():
             if key in given and any(one.rule for one in alternatives) == ruled:
@@ -226,7 +227,7 @@ def _wrapped(
             if isinstance(value, np.ndarray) and value.ndim == 0:
                 given[key] = value[()]  # a number, which has a hash
         check(given, ruled=True)
-        if not own_first:
+        if dataclass is None:
             check(given, ruled=False)
             return function(*bound.args, **bound.kwargs)
         try:

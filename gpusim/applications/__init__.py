@@ -7,7 +7,7 @@ Its modules:
 - `advice`: Settings advised for a picture file, and why written as a page.
 - `calibration`: Cameras calibrated from pictures of a board.
 - `decks`: The steps of an input deck solved.
-- `part_outline`: The outline of a part: its sizes and faces, for a first scene.
+- `field_scene`: The scene of a displacement file alone.
 """
 
 from gpusim.applications.advice import advise_files

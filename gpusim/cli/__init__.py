@@ -43,6 +43,7 @@ from gpusim.cli.console import (
     ProgressDisplay,
     Quiet,
     exit_codes,
+    finish,
     folder_name,
     importing,
     out,
@@ -196,10 +197,7 @@ def run(
                 verify=verify,
                 progress=progress,
             )
-        if as_json:
-            out(report.to_json().rstrip())
-        elif not quiet:
-            print_report(report, output)
+        finish(report.to_json(), as_json, quiet, partial(print_report, report, output))
 
 
 @app.command()
@@ -220,10 +218,7 @@ def budget(
 
         with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
             report = run_budget(loaded, output, backend=backend, progress=progress)
-        if as_json:
-            out(report.to_json().rstrip())
-        elif not quiet and report.budget is not None:
-            print_budget(report.budget, output)
+        finish(report.to_json(), as_json, quiet, partial(print_budget, report, output))
 
 
 @app.command()
@@ -247,11 +242,7 @@ def explain(
 
         with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
             report = explain_fields(loaded, folder, backend=backend, progress=progress)
-        if as_json:
-            out(report.to_json().rstrip())
-        elif not quiet:
-            print_explanations(report.explanations)
-            out(f"Report: {folder / 'report.html'}")
+        finish(report.to_json(), as_json, quiet, partial(print_explanations, report, folder))
 
 
 @app.command()
@@ -274,10 +265,8 @@ def solve(
         options: dict[str, Any] = {"backend": backend, "tolerance": tolerance}
         with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
             done = solve_deck(deck, output, stress=stress, progress=progress, **options)
-        if as_json:
-            out(json.dumps(done.report, indent=2))
-        elif not quiet:
-            print_deck(done.report, output)
+        text = json.dumps(done.report, indent=2)
+        finish(text, as_json, quiet, partial(print_deck, done.report, output))
         if done.failure:
             raise NotConverged(done.failure)
 
@@ -330,10 +319,7 @@ def plan(
         short = memory_fault(made)
         found = (*made.warnings, *strange, *beforehand, *([short] if short else []))
         made = replace(made, warnings=tuple(dict.fromkeys(found)))
-        if as_json:
-            out(json.dumps(made.to_dict(), indent=2))
-        else:
-            print_plan(made)
+        finish(json.dumps(made.to_dict(), indent=2), as_json, False, partial(print_plan, made))
 
 
 @app.command()

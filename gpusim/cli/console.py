@@ -11,7 +11,7 @@ import sys
 import time
 import traceback
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -36,6 +36,7 @@ __all__ = [
     "ProgressDisplay",
     "Quiet",
     "exit_codes",
+    "finish",
     "folder_name",
     "importing",
     "out",
@@ -117,6 +118,21 @@ def waiting(reason: str) -> Iterator[None]:
 def out(text: str = "") -> None:
     """One line (or several) of a result on the standard output, never wrapped."""
     sys.stdout.write(printable(text, keep="\n") + "\n")
+
+
+def finish(content: str, as_json: bool, quiet: bool, show: Callable[[], None]) -> None:
+    """End a command: its JSON ``content``, or what it has to ``show``, or nothing.
+
+    Examples
+    --------
+    >>> from gpusim.cli.console import finish, out
+    >>> finish('{"frames": 2}', False, False, lambda: out("2 frames"))
+    2 frames
+    """
+    if as_json:
+        out(content.rstrip())
+    elif not quiet:
+        show()
 
 
 @contextmanager

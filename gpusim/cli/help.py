@@ -43,18 +43,18 @@ class EffectCommand(FlagCommand):
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Print it; what the effects are is read when somebody asks."""
-        from gpusim.scene.sources import SOURCES
+        from gpusim.scene.effects import EFFECTS
 
         super().format_help(ctx, formatter)
-        effects = definition_list((name, one.about) for name, one in SOURCES.items())
+        effects = definition_list((name, one.about) for name, one in EFFECTS.items())
         Console(highlight=False).print(" Effects, for --only and --no:", effects, "")
 
 
 def effect_names(incomplete: str) -> list[str]:
     """Effects that begin so, for the shell."""
-    from gpusim.scene.sources import SOURCES
+    from gpusim.scene.effects import EFFECTS
 
-    return [name for name in SOURCES if name.startswith(incomplete)]
+    return [name for name in EFFECTS if name.startswith(incomplete)]
 
 
 def definition_list(rows: Iterable[tuple[str, str]]) -> Table:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -19,9 +20,9 @@ from gpusim.cli.console import (
     ProgressDisplay,
     Quiet,
     exit_codes,
+    finish,
     folder_name,
     importing,
-    out,
 )
 from gpusim.cli.tables import print_advice, print_calibration, print_correlation
 from gpusim.errors import InputError, NotConverged, require
@@ -194,10 +195,8 @@ def calibrate(
         target = _board(board, square_mm, kind, marker_mm, dictionary)
         options: dict[str, Any] = {"lens": lens, "formats": formats or ["opencv"]}
         done = calibrate_files(pictures, target, output, square_pixels=square_pixels, **options)
-        if as_json:
-            out(json.dumps(done.content, indent=2))
-        elif not quiet:
-            print_calibration(done.report, done.missed, output)
+        text = json.dumps(done.content, indent=2)
+        finish(text, as_json, quiet, partial(print_calibration, done.report, output))
 
 
 def _correlate(
@@ -219,10 +218,8 @@ def _correlate(
             )
         else:
             done = correlate_pairs(lefts, rights, stereo, output, settings, progress=progress)
-    if as_json:
-        out(json.dumps(done.report, indent=2))
-    elif not quiet:
-        print_correlation(done.report, output)
+    text = json.dumps(done.report, indent=2)
+    finish(text, as_json, quiet, partial(print_correlation, done.report, output))
     if done.failure:
         raise NotConverged(done.failure)
 
@@ -231,10 +228,7 @@ def _advise(picture: Path, output: Path | None, as_json: bool, **options: Any) -
     with importing():
         from gpusim.applications import advise_files
     report = advise_files(picture, output, **options)
-    if as_json:
-        out(json.dumps(report, indent=2))
-    else:
-        print_advice(report, output)
+    finish(json.dumps(report, indent=2), as_json, False, partial(print_advice, report, output))
 
 
 OPTIONS = {"formats": "format", "rig": "stereo"}

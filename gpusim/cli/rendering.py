@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 import shlex
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -16,12 +17,17 @@ from gpusim.cli.console import (
     ProgressDisplay,
     Quiet,
     exit_codes,
+    finish,
     importing,
     out,
     starting,
 )
+from gpusim.cli.tables import print_end
 from gpusim.errors import require
 from gpusim.files.output_folder import check_folder
+
+if TYPE_CHECKING:
+    from gpusim.report import Report
 
 Unit = Annotated[Literal["m", "cm", "mm", "um", "in"], typer.Option(help="Of its lengths.")]
 Step = Annotated[Literal["last", "all"], typer.Option(help="States that follow the first one.")]
@@ -52,8 +58,8 @@ def render(
         require(sides is not None, "--resolution", repr(resolution), "like 2448x2048")
         size = (int(sides[1]), int(sides[2])) if sides and resolution else None
         with importing(), starting(output, backend):
+            from gpusim.applications.field_scene import field_scene
             from gpusim.pipeline import run
-            from gpusim.pipeline.field_scene import field_scene
 
             scene = field_scene(
                 field, unit=unit, displacement=displacement, camera=camera, resolution=size,
@@ -61,11 +67,12 @@ def render(
             )  # fmt: skip
         with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
             report = run(scene, output, backend=backend, progress=progress)
-        if as_json:
-            out(report.to_json().rstrip())
-        elif not quiet:
-            made = f"{output / 'scene.toml'}"
-            words = [f"warning: {text}" for text in report.warnings]
-            words += ["", f"Report: {output / 'report.html'}"]
-            words += [f"To change camera, paint or light, or to measure: edit {made}, then"]
-            out("\n".join([*words, "  " + shlex.join(["gpusim", "run", made, "-o", str(output)])]))
+        finish(report.to_json(), as_json, quiet, partial(_print_next, report, output))
+
+
+def _print_next(report: Report, folder: Path) -> None:
+    """Warnings, where the page is, and how to go on."""
+    print_end(report.warnings, folder)
+    made = f"{folder / 'scene.toml'}"
+    out(f"To change camera, paint or light, or to measure: edit {made}, then")
+    out("  " + shlex.join(["gpusim", "run", made, "-o", str(folder)]))

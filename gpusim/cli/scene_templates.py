@@ -5,53 +5,59 @@ from __future__ import annotations
 import json
 import os
 import shlex
-from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from gpusim.applications.part_outline import part_outline
 from gpusim.arrays.array_types import Float
 from gpusim.files.atomic_files import write_bytes
+from gpusim.files.input_file import read_input
+from gpusim.mesh import Mesh, read_mesh
+from gpusim.mesh.formats.cad_cache import cached_cad_mesh
+from gpusim.mesh.part_outline import part_outline
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.optics.camera.standpoint import Side
 from gpusim.printable import printable
 from gpusim.scene import load_scene
 from gpusim.scene.description.mesh import CAD_SUFFIXES
 
 OWN = Path(__file__).with_name("templates")
-_PIXELS, _FOCAL = (2448, 2048), 35.0 / 3.45e-3  # of the templates' cameras: px, focal length in px
-_MARGIN, _HALF_ANGLE = 1.15, 10.0  # around the part; degrees from the middle to a camera
+_LENS = Camera(2448, 2048, np.diag([35.0 / 3.45e-3, 35.0 / 3.45e-3, 1.0]))  # of the templates
+_FILLED, _HALF_ANGLE = 1.0 / 1.15, 10.0  # of a picture; degrees from the middle to a camera
+_COARSE, _ROUND = 1e3, 24  # m, and elements around a circle: few, so that a look is quick
 _STRESS = 60e6  # Pa in the mean section
 _PLATE = np.array([[-0.05, -0.02, 0.0], [0.05, 0.02, 0.003]])  # corners of plate_with_hole, m
 
 
-@dataclass(frozen=True, eq=False)
-class StereoRig:
-    """Two cameras at ``left`` and ``right`` that look at ``target`` (m) behind a surface with this
-    ``normal``, which ``across`` (to the right) and ``up`` lie in; ``pixel``: its side there (m)."""
-
-    left: Float
-    right: Float
-    target: Float
-    normal: Float
-    across: Float
-    up: Float
-    pixel: float
-
-
-def stereo_rig(low: Float, high: Float, normal: Float) -> StereoRig:
-    """Cameras that see all of a box (m), its longer side level, from where ``normal`` points."""
-    sides, centre = high - low, 0.5 * (low + high)
+def stereo_rig(low: Float, high: Float, normal: Float) -> dict[str, Float | float]:
+    """Where two cameras stand, ``left`` and ``right`` of its ``normal``, that see all of a box (m),
+    its longer side level; their ``target`` (m), ``across`` and ``up`` of the pictures, and the side
+    of a ``pixel`` there (m)."""
     # the shorter one of the axes that aren't along the view
-    upward = np.eye(3)[int(np.argmin(np.where(np.abs(normal) > 0.7, np.inf, sides)))]
-    across = np.cross(upward, normal) / np.linalg.norm(np.cross(upward, normal))
-    up = np.cross(normal, across)
-    wide, tall, deep = (float(np.abs(way) @ sides) for way in (across, up, normal))
-    pixel = _MARGIN * max(wide / _PIXELS[0], tall / _PIXELS[1])
-    away, angle = pixel * _FOCAL + 0.5 * deep, np.deg2rad(_HALF_ANGLE)
-    middle, aside = centre + away * np.cos(angle) * normal, away * np.sin(angle) * across
-    return StereoRig(middle - aside, middle + aside, centre, normal, across, up, pixel)
+    up = np.eye(3)[int(np.argmin(np.where(np.abs(normal) > 0.7, np.inf, high - low)))]
+    side = Side.of([np.array(list(product(*zip(low, high, strict=True))))], normal, up)
+    across, down, _ = side.axes
+    away, angle = side.distance(_LENS, _FILLED), np.deg2rad(_HALF_ANGLE)
+    middle, aside = side.middle + away * np.cos(angle) * normal, away * np.sin(angle) * across
+    return {
+        "left": middle - aside, "right": middle + aside, "target": side.middle, "normal": normal,
+        "across": across, "up": -down, "pixel": side.pixel(_LENS, _FILLED),
+    }  # fmt: skip
+
+
+def coarse_mesh(path: Path) -> Mesh:
+    """Of a CAD file, or a mesh file whose coordinates are millimetres.
+
+    Raises InputError for a file that can't be read or meshed, and where Gmsh is missing.
+    """
+    file, suffix = read_input(path, "a CAD or mesh file"), path.suffix.lower()
+    if suffix not in CAD_SUFFIXES:
+        return read_mesh(file, scale=1e-3)
+    around = 0 if suffix == ".stl" else _ROUND
+    return cached_cad_mesh(file, size=_COARSE, curvature=around, scale=1e-3)
 
 
 def scene_of_template(path: Path, output: Path) -> str:
@@ -67,7 +73,7 @@ def scene_of_template(path: Path, output: Path) -> str:
 
 def scene_of_part(path: Path, output: Path) -> str:
     """The text of a scene of a CAD or mesh file: held at one end, pulled at the other."""
-    part = part_outline(path)
+    part = part_outline(coarse_mesh(path))
     seen, force = part.broadside(), np.zeros(3)
     assert seen.normal is not None  # broadsides have one
     section = part.volume / (part.high - part.low)[part.axis]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,31 +11,53 @@ from gpusim.cli.console import out, size_text, time_text
 
 if TYPE_CHECKING:
     from gpusim.plan.plan import Plan
-    from gpusim.report import Budget, Explanation, Report
+    from gpusim.report import Report
+
+
+def print_rows(rows: Iterable[Sequence[str] | str], sides: str) -> None:
+    """Rows in columns as wide as they need, whose cells go to these ``sides``, < or >; a text
+    alone stands as it is.
+
+    Examples
+    --------
+    >>> from gpusim.cli.tables import print_rows
+    >>> print_rows([("stage", "time"), ("mesh", "10.5 s"), "and more"], "<>")
+    stage    time
+    mesh   10.5 s
+    and more
+    """
+    rows = list(rows)
+    columns = zip(*(row for row in rows if not isinstance(row, str)), strict=True)
+    forms = [f"{side}{max(map(len, cells))}" for side, cells in zip(sides, columns, strict=True)]
+    for row in rows:
+        cells = [row] if isinstance(row, str) else map(format, row, forms)
+        out("  ".join(cells).rstrip())
+
+
+def print_end(warnings: Iterable[str], folder: Path) -> None:
+    """What is doubtful, and where the page is."""
+    for text in warnings:
+        out(f"warning: {text}")
+    out(f"\nReport: {folder / 'report.html'}")
 
 
 def print_correlation(report: Mapping[str, Any], folder: Path) -> None:
     """A line for each picture: how much is measured, mean motions, uncertainty."""
-    rows = report["images"]
-    wide = max(5, max(len(Path(row["image"]).name) for row in rows)) + 2
     flat = ("u_mean", "v_mean", "sigma_median")
-    keys = flat if flat[0] in rows[0] else ("U_mean", "V_mean", "W_mean", "sigma_median_mm")
-    heads = [key.replace("_mean", "").replace("_median", "").replace("_", " ") for key in keys]
+    keys = flat if flat[0] in report["images"][0] else (
+        "U_mean", "V_mean", "W_mean", "sigma_median_mm"
+    )  # fmt: skip
+    unit, names = "px" if keys == flat else "mm", [key.partition("_")[0] for key in keys]
+    heads = [f"{name} {unit}" if name == "sigma" else f"mean {name} {unit}" for name in names]
+    rows: list[Sequence[str] | str] = [("image", "measured", *heads)]
+    for one in report["images"]:
+        numbers = ["" if one[key] is None else f"{one[key]:.4f}" for key in keys]
+        rows.append((Path(one["image"]).name, f"{one['measured']} of {one['points']}", *numbers))
+        lost = ", ".join(f"{n} {k.lower()}" for k, n in one["counts"].items() if k != "OK")
+        rows += [f"    {lost}"] if lost else []
     out()
-    unit = "px" if keys == flat else "mm"
-    titles = "".join(f"{head if 'sigma' in head else f'mean {head} {unit}':>11}" for head in heads)
-    out(f"{'image':<{wide}}{'measured':>16}{titles}")
-    for row in rows:
-        name, share = Path(row["image"]).name, f"{row['measured']} of {row['points']}"
-        numbers = "".join(f"{'':>11}" if row[key] is None else f"{row[key]:>11.4f}" for key in keys)
-        out(f"{name:<{wide}}{share:>16}{numbers}")
-        lost = {k: n for k, n in row["counts"].items() if k != "OK"}
-        if lost:
-            out(f"{'':<{wide}}  " + ", ".join(f"{n} {k.lower()}" for k, n in lost.items()))
-    out()
-    out(f"Report: {folder / 'report.html'}")
-    for warning in report["warnings"]:
-        out(f"warning: {warning}")
+    print_rows(rows, "<" + ">" * (1 + len(keys)))
+    print_end(report["warnings"], folder)
 
 
 def print_advice(report: Mapping[str, Any], folder: Path | None) -> None:
@@ -49,18 +72,14 @@ def print_advice(report: Mapping[str, Any], folder: Path | None) -> None:
         out(f"Report: {folder / 'report.html'}")
 
 
-def print_calibration(report: Report, missed: Sequence[str], folder: Path) -> None:
+def print_calibration(report: Report, folder: Path) -> None:
     """What the report has on top, parameters of the cameras, pictures that weren't used."""
-    for label, (value, note) in report.highlights.items():
-        out(f"{label:<24}{value}  ({note})")
+    print_rows([(label, f"{value}  ({note})")
+                for label, (value, note) in report.highlights.items()], "<<")  # fmt: skip
     for table in report.tables:
-        for row in (table.columns, *table.rows):
-            out("".join(f"{cell:<26}" for cell in row).rstrip())
-    for label, value in report.facts.items():
-        out(f"{label:<24}{value}")
-    for text in missed:
-        out(f"not used: {text}")
-    out(f"\nReport: {folder / 'report.html'}")
+        print_rows((table.columns, *table.rows), "<" * len(table.columns))
+    print_rows(list(report.facts.items()), "<<")
+    print_end(report.warnings, folder)
 
 
 def print_deck(report: Mapping[str, Any], folder: Path) -> None:
@@ -68,47 +87,44 @@ def print_deck(report: Mapping[str, Any], folder: Path) -> None:
     cells = ", ".join(
         f"{count} {kind} ({report['formulation'][kind]})" for kind, count in report["cells"].items()
     )
-    out(f"{report['deck']}: {report['nodes']} nodes, {cells}")
-    out()
-    out(
-        f"{'step':<6}{'unknowns':>10}{'iterations':>12}{'error':>10}"
-        f"{'largest u':>14}{'at node':>10}{'energy':>14}  reaction"
-    )
+    out(f"{report['deck']}: {report['nodes']} nodes, {cells}\n")
+    rows: list[Sequence[str] | str] = [
+        ("step", "unknowns", "iterations", "error", "largest u", "at node", "energy", "reaction")
+    ]
     for step in report["steps"]:
-        reaction = ", ".join(f"{value:.6g}" for value in step["reaction"])
-        out(
-            f"{step['number']:<6}{step['unknowns']:>10}{step['iterations']:>12}"
-            f"{step['error_estimate']:>10.1e}{step['largest_displacement']:>14.6g}"
-            f"{step['largest_displacement_node']:>10}{step['strain_energy']:>14.6g}  {reaction}"
-        )
+        rows.append((
+            f"{step['number']}", f"{step['unknowns']}", f"{step['iterations']}",
+            f"{step['error_estimate']:.1e}", f"{step['largest_displacement']:.6g}",
+            f"{step['largest_displacement_node']}", f"{step['strain_energy']:.6g}",
+            ", ".join(f"{value:.6g}" for value in step["reaction"]),
+        ))  # fmt: skip
         if "largest_von_mises" in step:
-            out(
+            rows.append(
                 f"      largest von Mises stress {step['largest_von_mises']:.6g} in element "
                 f"{step['largest_von_mises_element']}"
             )
+    print_rows(rows, "<>>>>>><")
     for warning in report["warnings"]:
         out(f"warning: {warning}")
     if report["ignored"]:
         out(f"read over: {', '.join(report['ignored'])}")
-    out()
-    out(f"Results: {folder / 'solution.pvd'}, {folder / 'displacements.npz'}")
+    out(f"\nResults: {folder / 'solution.pvd'}, {folder / 'displacements.npz'}")
 
 
 def print_plan(made: Plan) -> None:
     """A line for each stage, equal ones together; what is doubtful; what it costs."""
     from gpusim.report.stage_rows import stage_rows
 
-    rows = stage_rows(made.stages)
-    wide = max(len(name) for name, _ in rows) + 2
-    out(f"{'stage':<{wide}}{'':<9}{'memory':>8}{'time':>9}  reason")
-    for name, stages in rows:
+    rows = [("stage", "", "memory", "time", "reason")]
+    for name, stages in stage_rows(made.stages):
         memory = size_text(max(stage.memory_bytes for stage in stages))
         seconds = time_text(sum(stage.seconds for stage in stages))
         pictures = f"{len(stages)} pictures" if len(stages) > 1 else ""
         shared = set.intersection(*(set(stage.detail.split(", ")) for stage in stages))
         detail = ", ".join(word for word in stages[0].detail.split(", ") if word in shared)
         why = "; ".join(word for word in (stages[0].reason, pictures, detail) if word)
-        out(f"{name:<{wide}}{stages[0].state:<9}{memory:>8}{seconds:>9}  {why}")
+        rows.append((name, stages[0].state, memory, seconds, why))
+    print_rows(rows, "<<>><")
     out()
     total = time_text(made.seconds) or "no time"
     for warning in made.warnings:
@@ -120,50 +136,51 @@ def print_plan(made: Plan) -> None:
 
 def print_report(report: Report, folder: Path) -> None:
     """What was measured beside what is true, warnings, and where the page is."""
-    shown = [item for item in report.measurements if not item.detail]
-    if shown:
-        out()
-        # reasons in brackets are on the page
-        names = [n if len(n) < 60 else n.partition(" (")[0] for n in (item.name for item in shown)]
-        wide = max(map(len, names)) + 2
-        out(f"{'':<{wide}}{'measured':>12}{'truth':>12}{'error':>12}{'':>10}")
-        for name, item in zip(names, shown, strict=True):
+    rows = [("", "measured", "truth", "error", "", "")]
+    for item in report.measurements:
+        if not item.detail:
+            # reasons in brackets are on the page
+            name = item.name if len(item.name) < 60 else item.name.partition(" (")[0]
             # of a truth that is zero but for rounding no share says anything
             known = abs(item.error_relative) < 1e3
             relative = f"{100 * item.error_relative:+.3f} %" if known else ""
-            out(
-                f"{name:<{wide}}{item.measured:12.6g}{item.truth:12.6g}{item.error:12.3g} "
-                f"{item.unit:<4}{relative:>12}"
-            )
-    for warning in report.warnings:
-        out(f"warning: {warning}")
-    out()
-    out(f"Report: {folder / 'report.html'}")
+            values = f"{item.measured:.6g}", f"{item.truth:.6g}", f"{item.error:.3g}"
+            rows.append((name, *values, item.unit, relative))
+    if len(rows) > 1:
+        out()
+        print_rows(rows, "<>>><>")
+    print_end(report.warnings, folder)
 
 
-def print_budget(budget: Budget, folder: Path) -> None:
+def print_budget(report: Report, folder: Path) -> None:
     """One column for each error, one line for each state of the images."""
+    budget = report.budget
+    if budget is None:
+        return
     names = [f"{name} / {unit}" if unit else name for name, unit in budget.quantities]
     for number, name in enumerate(names, start=1):
         out(f"({number}) {name}")
-    columns = range(1, len(names) + 1)
-    out(f"{'images with':<28}" + "".join(f"{f'({number})':>12}" for number in columns))
     words = {"all": "everything", "none": "none of the effects"}
+    rows = [("images with", *(f"({number})" for number in range(1, len(names) + 1)))]
     for row in budget.rows:
         label = words.get(row.state) or f"{row.state} {row.source}"
-        out(f"{label:<28}" + "".join(f"{value:12.3g}" for value in row.errors))
-    out()
-    out(f"Report: {folder / 'report.html'}")
+        rows.append((label, *(f"{value:.3g}" for value in row.errors)))
+    print_rows(rows, "<" + ">" * len(names))
+    for text in budget.remarks:
+        out(text)
+    print_end(report.warnings, folder)
 
 
-def print_explanations(explanations: Sequence[Explanation]) -> None:
+def print_explanations(report: Report, folder: Path) -> None:
     """The parts of each measure's error, and what they say."""
-    for one in explanations:
+    for one in report.explanations:
         out()
-        head = f"{one.unit}, RMS", "share", "microstrain", "share"
-        out(f"{one.measure:<28}" + "".join(f"{title:>13}" for title in head))
-        for name, (moved, share, strain, own) in one.parts.items():
-            out(f"{name:<28}{moved:13.3g}{share:z11.1f} %{strain:13.3g}{own:z11.1f} %")
+        heads = [head for unit in one.units.values() for head in (unit, "share")]
+        rows = [(f"{one.measure}, RMS", *heads)]
+        for name, sizes in one.parts.items():
+            told = [(f"{size.rms:.3g}", f"{size.share_percent:z.1f} %") for size in sizes.values()]
+            rows.append((name, *chain.from_iterable(told)))
+        print_rows(rows, "<" + ">" * len(heads))
         for text in one.remarks:
             out(text)
-    out()
+    print_end(report.warnings, folder)

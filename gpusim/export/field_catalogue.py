@@ -23,7 +23,6 @@ from gpusim.arrays.array_types import Float
 from gpusim.export.layers import LAYERS, Layer
 from gpusim.measure import DicResult, MappedResult, StereoResult, StrainResult
 from gpusim.scene.description.table import name_and_unit
-from gpusim.validation import require_one_of
 
 Values = Callable[[Any], npt.NDArray[Any]]
 Place = Literal["nodes", "elements", "pixels", "points"]
@@ -62,25 +61,6 @@ class Field:
 
 
 Fields = Mapping[str, Field]
-
-
-def named_field(name: str, fields: Fields | None = None) -> Field:
-    """The field of a name, of a body where no other table is given.
-
-    Raises
-    ------
-    InputError
-        There is none; all are listed.
-
-    Examples
-    --------
-    >>> from gpusim.export.field_catalogue import named_field
-    >>> named_field("von_mises").label()
-    'von Mises stress (MPa)'
-    """
-    table = BODY if fields is None else fields
-    require_one_of("field", name, table)
-    return table[name]
 
 
 def _component(of: Values, k: int, source: Any) -> npt.NDArray[Any]:
@@ -310,14 +290,11 @@ class FieldMap:
     centred: bool = False  # zero is special: colours diverge from it
 
 
-def field_maps(
-    result: Any, names: Sequence[str] | None = None, unit: str = "mm"
-) -> dict[str, FieldMap]:
-    """Some fields of a result by name, NaN where nothing was measured; ``unit`` of lengths in
-    space. Without ``names`` those that are shown, in the result's own unit."""
+def field_maps(result: Any, names: Sequence[str] | None = None) -> dict[str, FieldMap]:
+    """Some fields of a result by name, NaN where nothing was measured, lengths in space in mm.
+    Without ``names`` those that are shown, in the result's own unit."""
     kind = catalogue_of(result)
-    if names is None:
-        names, unit = kind.shown, kind.unit
+    names, unit = (kind.shown, kind.unit) if names is None else (names, "mm")
     maps = {}
     for name in names:
         one = kind.fields[name]

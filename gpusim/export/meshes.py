@@ -20,7 +20,7 @@ from gpusim.errors import InputError
 from gpusim.files.atomic_files import PathLike, atomic_path, atomic_stream, safe_name, write_text
 from gpusim.files.output_folder import inside
 from gpusim.mesh.file_content.numbering import NODES
-from gpusim.mesh.polygons import cut_at_dents
+from gpusim.mesh.polygons import cut_at_dents, unit_normals
 from gpusim.validation import require
 
 _MM_PER_M = 1000.0
@@ -78,10 +78,8 @@ def write_stl(
     held = np.abs(corners).max(initial=0.0) <= np.finfo(np.float32).max
     require(held, "points", "values that STL's float32 can't hold", "metres")
     _check_steps(points, corners)
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.linalg.norm(normal, axis=1, keepdims=True)
     facets = np.zeros(len(triangles), _FACET)
-    facets["normal"] = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0.0)
+    facets["normal"] = unit_normals(corners)
     facets["corners"] = corners
     # A binary STL must not begin with "solid", the first word of the text form.
     place = " from ({:.10g}, {:.10g}, {:.10g}) m".format(*zero) if zero.any() else ""

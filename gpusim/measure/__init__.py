@@ -12,7 +12,6 @@ In the order in which data passes:
 - `structures`: Markers tracked, deflection lines, damage.
 """
 
-from gpusim.measure.advice.gauge_filter import gauge_filter
 from gpusim.measure.advice.image_noise import ImageNoise
 from gpusim.measure.advice.settings_advice import Advice, advise
 from gpusim.measure.calibration.calibration import (
@@ -22,6 +21,7 @@ from gpusim.measure.calibration.calibration import (
     rig_camera,
 )
 from gpusim.measure.correlation.dic import dic, grid_points
+from gpusim.measure.correlation.gauge_filter import gauge_filter
 from gpusim.measure.correlation.matching import DicResult, Status
 from gpusim.measure.correlation.sequence import dic_sequence
 from gpusim.measure.correlation.strain import StrainResult, StrainStatus, strain, surface_strain

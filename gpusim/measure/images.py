@@ -123,18 +123,9 @@ def eight_bit(array: Image) -> npt.NDArray[np.uint8]:
 
 def quintic_weights(t: Float) -> Float:
     """The six tap weights (6, ...) at the fractions ``t`` in [0, 1); they sum to 1."""
-    return _polynomials(WEIGHTS, t)
-
-
-def quintic_slopes(t: Float) -> Float:
-    """Derivatives (6, ...) of the tap weights by the position, in 1/px; they sum to 0."""
-    return _polynomials(WEIGHTS[:, 1:] * np.arange(1.0, 6.0), t)
-
-
-def _polynomials(table: Float, t: Float) -> Float:
-    """Horner's rule for every row of ``table``, lowest power first."""
-    result = np.empty((len(table), *t.shape))
-    for row, coefficients in zip(result, table, strict=True):
+    result = np.empty((len(WEIGHTS), *t.shape))
+    for row, coefficients in zip(result, WEIGHTS, strict=True):
+        # Horner's rule
         row[...] = coefficients[-1]
         for coefficient in coefficients[-2::-1]:
             row *= t
@@ -218,12 +209,24 @@ class SplineImage:
 
     def values(self, x: Float, y: Float) -> Float:
         """Grey values at the positions ``x``, ``y`` (any equal shape), all inside the crop."""
-        return self._sample(x, y, slopes=False)[0]
-
-    def values_and_gradients(self, x: Float, y: Float) -> tuple[Float, Float, Float]:
-        """Grey values and their derivatives by x and by y (grey levels per pixel)."""
-        value, by_x, by_y = self._sample(x, y, slopes=True)
-        return value, by_x, by_y
+        flat_x = x.ravel() - self.origin[0]
+        flat_y = y.ravel() - self.origin[1]
+        result = np.zeros(flat_x.size)
+        width = self.coefficients.shape[1]
+        table = self.coefficients.ravel()
+        for start in range(0, flat_x.size, CHUNK):
+            part = slice(start, start + CHUNK)
+            column = np.floor(flat_x[part])
+            row = np.floor(flat_y[part])
+            # tap -2 of pixel 0 is padded coefficient 1
+            first = (row.astype(np.int64) + PAD - 2) * width + column.astype(np.int64) + PAD - 2
+            weight_x = quintic_weights(flat_x[part] - column)
+            weight_y = quintic_weights(flat_y[part] - row)
+            for j in range(6):
+                taps = [table[first + (j * width + i)] for i in range(6)]
+                line = sum(w * c for w, c in zip(weight_x, taps, strict=True))
+                result[part] += weight_y[j] * line
+        return result.reshape(x.shape)
 
     def pixel_gradients(self, box: tuple[int, int, int, int] | None = None) -> tuple[Float, Float]:
         """Derivatives by x and by y of the spline at the crop's own pixels, each (h, w).
@@ -239,37 +242,6 @@ class SplineImage:
         by_x = _along(_along(inner, slope, 1), value, 0)
         by_y = _along(_along(inner, value, 1), slope, 0)
         return by_x, by_y
-
-    def _sample(self, x: Float, y: Float, *, slopes: bool) -> tuple[Float, ...]:
-        shape = x.shape
-        flat_x = x.ravel() - self.origin[0]
-        flat_y = y.ravel() - self.origin[1]
-        results = tuple(np.empty(flat_x.size) for _ in range(3 if slopes else 1))
-        width = self.coefficients.shape[1]
-        table = self.coefficients.ravel()
-        for start in range(0, flat_x.size, CHUNK):
-            part = slice(start, start + CHUNK)
-            column = np.floor(flat_x[part])
-            row = np.floor(flat_y[part])
-            fraction_x = flat_x[part] - column
-            fraction_y = flat_y[part] - row
-            # tap -2 of pixel 0 is padded coefficient 1
-            first = (row.astype(np.int64) + PAD - 2) * width + column.astype(np.int64) + PAD - 2
-            weight_x = quintic_weights(fraction_x)
-            weight_y = quintic_weights(fraction_y)
-            slope_x = quintic_slopes(fraction_x) if slopes else weight_x
-            slope_y = quintic_slopes(fraction_y) if slopes else weight_y
-            sums = [np.zeros(first.size) for _ in results]
-            for j in range(6):
-                taps = [table[first + (j * width + i)] for i in range(6)]
-                line = sum(w * c for w, c in zip(weight_x, taps, strict=True))
-                sums[0] += weight_y[j] * line
-                if slopes:
-                    sums[1] += weight_y[j] * sum(w * c for w, c in zip(slope_x, taps, strict=True))
-                    sums[2] += slope_y[j] * line
-            for result, total in zip(results, sums, strict=True):
-                result[part] = total
-        return tuple(result.reshape(shape) for result in results)
 
 
 def _along(array: Float, taps: Float, axis: int) -> Float:

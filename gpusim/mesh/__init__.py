@@ -11,12 +11,13 @@ In the order in which data passes:
 - `boundary`: Boundary faces of a mesh, outward oriented, with normals and areas.
 - `nearest_places`: Where on a face, flat or curved, the nearest place to a point is.
 - `quality`: Jacobians of the map from a reference cell, aspect ratio, distortion, bad cells.
-- `polygons`: Polygons as triangles and quadrilaterals that lie within them: cut at their dents.
+- `polygons`: Polygons as triangles and quadrilaterals within them, cut at their dents; normals.
 - `mesh`: The mesh: points, cells by type, and named sets.
 - `selection`: Named and geometric selections of nodes and faces.
 - `builders`: Meshes made by number, and meshes made from other meshes.
 - `file_content`: What mesh files of other programs have in common.
 - `formats`: Mesh files of other programs.
+- `part_outline`: The outline of a part: its sizes and faces, for a first scene.
 """
 
 from __future__ import annotations

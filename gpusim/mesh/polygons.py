@@ -1,4 +1,4 @@
-"""Polygons as triangles and quadrilaterals that lie within them: cut at their dents."""
+"""Polygons as triangles and quadrilaterals within them, cut at their dents; normals."""
 
 from __future__ import annotations
 
@@ -22,6 +22,14 @@ def check_corners(where: str, points: Float, corners: npt.NDArray[np.integer]) -
     if corners.size and not 0 <= corners.min() <= corners.max() < len(points):
         wrong = corners.max() if corners.max() >= len(points) else corners.min()
         raise InputError(f"{where}: a face names point {wrong}; got {len(points)} points, from 0")
+
+
+def unit_normals(corners: Float) -> Float:
+    """(T, 3) of triangles (T, 3, 3), to where they look counter-clockwise; zero without an area."""
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normal, axis=1)
+    normal /= np.where(length > 0.0, length, 1.0)[:, None]
+    return normal
 
 
 def cut_at_dents(points: Float, faces: npt.NDArray[np.integer]) -> tuple[Long, Long]:

@@ -117,9 +117,9 @@ class Quality:
         )
         return wrong[np.argsort(self.scaled_jacobian[wrong], kind="stable")]
 
-    def distorted_bricks(self, most: float = _DISTORTED) -> Long:
+    def distorted_bricks(self) -> Long:
         """Numbers of the hex8 cells that are far from a parallelepiped."""
-        return np.flatnonzero(self.bricks & ~(self.distortion <= most))
+        return np.flatnonzero(self.bricks & ~(self.distortion <= _DISTORTED))
 
     def describe(self) -> str:
         """One line for a report."""

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.field_summary import field_summary
+from gpusim.mesh.polygons import unit_normals
 from gpusim.optics.geometry.triangle_corners import NORMAL, POSITION, REFERENCE
 from gpusim.optics.geometry.view import View
 from gpusim.validation import require
@@ -160,9 +161,7 @@ def _attribute_planes(view: View, triangles: Long) -> Float:
     reference = corners[:, :, REFERENCE] - view.origin
     normal = corners[:, :, NORMAL]
     if not normal.any():  # not lit: the triangles' own
-        flat = np.cross(world[:, 1] - world[:, 0], world[:, 2] - world[:, 0])
-        flat /= np.linalg.norm(flat, axis=1)[:, None]
-        normal = np.repeat(flat[:, None], 3, axis=1)
+        normal = np.repeat(unit_normals(world)[:, None], 3, axis=1)
     values = np.concatenate(
         [np.ones((*corners.shape[:2], 1)), reference, world - reference, normal], axis=2
     )

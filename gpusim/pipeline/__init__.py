@@ -11,7 +11,6 @@ In the order in which data passes:
 - `checks`: Checks before any work, and warnings that a scene's geometry gives.
 - `stages`: Stages of a run: functions of a part of the scene and of the stages that they need.
 - `runner`: Runs: a graph decided, worked off, and told in reports.
-- `field_scene`: The scene of a displacement file alone.
 """
 
 from typing import TYPE_CHECKING, Any

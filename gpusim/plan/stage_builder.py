@@ -54,9 +54,9 @@ class StageBuilder:
             public=lambda record: public.format(record), on_device=on_device, **more,
         )  # fmt: skip
 
-    def of_bodies(self, kind: str, which: Which = first) -> Needs:
+    def of_bodies(self, kind: str) -> Needs:
         """What is made of every body, as a need."""
-        return {f"{kind}/{name}": which for name in self.bodies}
+        return {f"{kind}/{name}": first for name in self.bodies}
 
     def surfaces(self) -> Needs:
         """Everything that cameras may see, as a need."""

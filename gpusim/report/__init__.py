@@ -28,6 +28,7 @@ from gpusim.report.findings import (
     LoadPath,
     Mechanics,
     MeshSummary,
+    PartSize,
     Published,
     StressPeak,
 )
@@ -61,6 +62,7 @@ __all__ = [
     "Mechanics",
     "MeshSummary",
     "Overlay",
+    "PartSize",
     "Published",
     "Report",
     "ReportPaths",

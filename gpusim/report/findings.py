@@ -185,11 +185,12 @@ class Budget:
     """What each effect adds to the measured errors.
 
     ``quantities``: name and unit of each error. Differences between rows are exact: each state is
-    rendered and measured anew, with the same seeds.
+    rendered and measured anew, with the same seeds. ``remarks``: what no state is without.
     """
 
     quantities: tuple[tuple[str, str], ...]
     rows: tuple[BudgetRow, ...]
+    remarks: tuple[str, ...] = ()
 
     @property
     def sources(self) -> tuple[str, ...]:
@@ -214,23 +215,33 @@ class Budget:
     def content(self) -> dict[str, Any]:
         """For report.json."""
         quantities = [{"name": name, "unit": unit} for name, unit in self.quantities]
-        return {"quantities": quantities, "rows": self.rows}
+        return {"quantities": quantities, "rows": self.rows, "remarks": self.remarks}
+
+
+@dataclass(frozen=True)
+class PartSize:
+    """RMS of a part of an error, also in percent of that of the whole, and its share of the whole:
+    the part's projection on it, so that shares add up."""
+
+    rms: float
+    rms_percent: float
+    share_percent: float
 
 
 @dataclass(frozen=True)
 class Explanation:
     """What the error of a measured field is made of, in a ``frame``.
 
-    ``parts``: name -> RMS displacement (``unit``), its share of the error (percent), RMS strain
-    (microstrain), its share; then "missing", what the parts don't add up to, and "measured less
-    true", the error. Shares are projections on the error: they add up. ``remarks``: what it says in
-    words; ``figures``: maps, to be drawn.
+    ``units``: of the RMS, by kinds of quantities ("displacements", and "strains" if there are any).
+    ``parts``: by their names and by kinds; then "missing", what the parts don't add up to, and
+    "measured less true", the error. ``remarks``: what it says in words; ``figures``: maps, to be
+    drawn.
     """
 
     measure: str
     frame: int
-    unit: str
-    parts: Mapping[str, tuple[float, ...]]
+    units: Mapping[str, str]
+    parts: Mapping[str, Mapping[str, PartSize]]
     remarks: tuple[str, ...] = ()
     figures: tuple[Any, ...] = ()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
@@ -39,6 +39,10 @@ _MAX_CROPS = 4
 _SERIES = 3  # frames: first and last are shown beside each other anyway
 _SLIDES = 25  # of a slider; more frames are thinned out
 _SLIDE_WIDTH = 960  # px, at most
+SECTIONS = (
+    "explanations", "series", "overlays", "errors", "load_path", "convergence", "other"
+)  # fmt: skip
+"""Of the page, with figures."""
 SLIDE_BYTES, PAIR_BYTES = 1_200_000, 1_200_000  # of all sliders and pairs of a page
 
 Bytes = npt.NDArray[np.uint8]
@@ -251,34 +255,15 @@ def link(path: Path, folder: Path) -> str:
     return quote(Path(relative).as_posix())
 
 
-@dataclass(frozen=True)
-class FigureSet:
-    """The figures by the section of the page they stand in."""
-
-    series: tuple[Figure, ...] = ()
-    load_path: tuple[Figure, ...] = ()
-    errors: tuple[Figure, ...] = ()
-    overlays: tuple[Figure, ...] = ()
-    convergence: tuple[Figure, ...] = ()
-    other: tuple[Figure, ...] = ()
-    explanations: tuple[Figure, ...] = ()
-
-    def all(self) -> tuple[Figure, ...]:
-        """Return every figure in page order."""
-        first = self.explanations, self.series, self.overlays
-        parts = *first, self.errors, self.load_path, self.convergence
-        return (*(figure for part in parts for figure in part), *self.other)
-
-
-def render_html(report: Report, figures: FigureSet, folder: Path) -> str:
-    """Return the page as text.
+def render_html(report: Report, figures: Mapping[str, Sequence[Figure]], folder: Path) -> str:
+    """Return the page as text, with the ``figures`` of its `SECTIONS`.
 
     Pictures are embedded; links to full-size files are relative to ``folder``, where the page will
     be written. Raises InputError if a picture can't be read.
     """
     room = PAIR_BYTES / max(1, 2 * len(report.frames))
     several = [pair for pair in report.frames if len(pair.frames) >= _SERIES]
-    together = [list(alike) for _, alike in groupby(figures.other, _slider)]
+    together = [list(alike) for _, alike in groupby(figures.get("other", ()), _slider)]
     share = 1.0 / max(1, len(several) + sum(len(alike) > 1 for alike in together))
     maps = [
         slides_of(alike[0].title, alike[-1].caption, [(f.frame, f.path) for f in alike], share)
@@ -291,7 +276,7 @@ def render_html(report: Report, figures: FigureSet, folder: Path) -> str:
     return page_template("report.html.j2").render(
         folder=folder,
         report=report,
-        figures=figures,
+        figures={name: figures.get(name, ()) for name in SECTIONS},
         maps=maps,
         sliders=sliders,
         pairs=[page_pair(pair, room) for pair in report.frames],

@@ -20,8 +20,8 @@ from gpusim.report.figures import (
     draw_overlay,
     draw_series,
 )
-from gpusim.report.html import FigureSet, render_html
-from gpusim.report.model import Report
+from gpusim.report.html import SECTIONS, render_html
+from gpusim.report.model import Figure, Report
 
 # iterations; a direct solve takes one or two, and there is nothing to see of them
 _WORTH_A_PLOT = 4
@@ -70,10 +70,12 @@ def write_report(report: Report, out_dir: PathLike) -> ReportPaths:
                 delete(folder, "report.json")
                 write_text(json_path, failed.to_json())
         raise
-    return ReportPaths(html_path, json_path, tuple(figure.path for figure in figures.all()))
+    every = tuple(figure.path for section in figures.values() for figure in section)
+    return ReportPaths(html_path, json_path, every)
 
 
-def _draw(report: Report, folder: Path) -> FigureSet:
+def _draw(report: Report, folder: Path) -> dict[str, list[Figure]]:
+    """The figures by the section of the page that they stand in."""
     begin = processes.begin
     # these take longest: they begin
     sections = {"other": [begin(drawing) for drawing in report.figures]}
@@ -96,9 +98,7 @@ def _draw(report: Report, folder: Path) -> FigureSet:
     load_path = report.load_path
     if load_path is not None and len(load_path.frames) >= _WORTH_A_LINE:
         sections["load_path"] = [begin(draw_load_path, load_path, inside(folder, "load-path.png"))]
-    return FigureSet(
-        **{name: tuple(call.result() for call in calls) for name, calls in sections.items()}
-    )
+    return {name: [call.result() for call in sections.get(name, ())] for name in SECTIONS}
 
 
 def _path(folder: Path, kind: str, number: int, title: str) -> Path:

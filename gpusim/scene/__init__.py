@@ -21,7 +21,7 @@ In the order in which data passes:
 - `analyses`: Kinds of analysis: what moves a scene's bodies, and which stages find that out.
 - `frames`: Frames as a table: when each is, and what stands where in it.
 - `part`: Parts of a scene: a scene that has nothing but what a stage's key names.
-- `sources`: Effects that make a measured number differ from the true one, switched off one by
+- `effects`: Effects that make a measured number differ from the true one, switched off one by
   one.
 """
 

@@ -260,14 +260,20 @@ class Scene:
         )
 
     def with_effects(self, only: Sequence[str] = (), no: Sequence[str] = ()) -> Scene:
-        """The scene with ``only`` these effects of `gpusim.scene.sources` (none given: all), and
-        without those in ``no``. Raises InputError for an unknown effect."""
-        from .sources import with_only, without_sources
+        """The scene with ``only`` these effects of `gpusim.scene.effects` (none given: all), and
+        without those in ``no``. Raises InputError for an unknown effect, or a distortion that a
+        calibration file would undo all the same."""
+        from .effects import lenses_of_files, with_only, without_effects
 
         document = self.document
+        for camera, measure in lenses_of_files(document).items() if "distortion" in no else ():
+            raise InputError(
+                f"--no distortion; got camera {camera!r}, whose lens measure {measure!r} undoes "
+                f"by its calibration file; expected measure.{measure}.calibration=true"
+            )
         if only:
             document = with_only(document, only)
-        document = without_sources(document, no)
+        document = without_effects(document, no)
         if not only and not no:
             return self
         return Scene.from_document(document, source=self.source, files=self.files)

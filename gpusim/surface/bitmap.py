@@ -21,12 +21,11 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Float
 from gpusim.arrays.srgb import decoded
 from gpusim.errors import InputError
-from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile
 from gpusim.files.picture_file import read_picture
-from gpusim.surface.color import BANDS, Albedo, Colored, grey
-from gpusim.surface.features import PATCH, Bump, Features, Length, Place
-from gpusim.validation import Share, checked, one_of, require
+from gpusim.surface.color import BANDS, Albedo, grey
+from gpusim.surface.features import PATCH, Features, Length, Pattern, Place
+from gpusim.validation import checked, one_of, require
 
 MARGIN = 8
 """Coefficients that every level has beyond each of its four sides."""
@@ -104,8 +103,8 @@ def _full_scale(pixels: npt.NDArray[Any]) -> float:
 
 
 @checked
-@dataclass(frozen=True, eq=False)
-class Image(Colored):
+@dataclass(frozen=True, eq=False, repr=False)
+class Image(Pattern):
     """A bitmap whose pixels (texels) are squares of side ``texel`` on the surface.
 
     What is seen is the quintic B-spline through the texels' values at their centres; the renderer
@@ -145,10 +144,6 @@ class Image(Colored):
     light: Albedo = Albedo(1.0)
     ground: Albedo = Albedo(0.5)
     gamma: Annotated[str, one_of("linear", "srgb")] = "linear"
-    roughness: Share = 1.0
-    metallic: Share = 0.0
-    bump: Bump | None = None
-    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         pixels = np.asarray(self.pixels)

@@ -20,8 +20,8 @@ import scipy
 from gpusim.arrays.array_types import Float, Int
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.surface.color import Color, grey
-from gpusim.validation import Rule, checked, positive, require
+from gpusim.surface.color import Color, Colored, grey
+from gpusim.validation import Rule, Share, checked, positive, require
 
 PATCH, DISC, SECTOR = range(3)  # kinds of features
 WAVES = 32
@@ -263,6 +263,17 @@ class Bump:
         waves = bump_waves()
         total = np.cos(at @ waves[:, :3].T + waves[:, 3]).sum(axis=1)
         return np.asarray(self.height * np.sqrt(2.0 / WAVES) * total)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Pattern(Colored):
+    """Base of paints that are features on a ground, whose ``roughness``, ``metallic`` and ``bump``
+    are said by name and mean what they do for `gpusim.surface.paint.Plain`."""
+
+    roughness: Share = 1.0
+    metallic: Share = 0.0
+    bump: Bump | None = None
+    __repr__ = field_summary
 
 
 @cache

@@ -10,22 +10,21 @@ import cv2
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.field_summary import field_summary
-from gpusim.surface.color import Albedo, Color, Colored
+from gpusim.surface.color import Albedo, Color
 from gpusim.surface.features import (
     DISC,
     PATCH,
     SECTOR,
     Angle,
-    Bump,
     Count,
     Features,
     Length,
+    Pattern,
     Place,
     Stack,
     set_centres,
 )
-from gpusim.validation import Share, checked, require, within
+from gpusim.validation import checked, require, within
 
 
 def _dictionary(what: str, name: str) -> Any:
@@ -70,8 +69,8 @@ def _marker(
 
 
 @checked
-@dataclass(frozen=True, eq=False)
-class Aruco(Colored):
+@dataclass(frozen=True, eq=False, repr=False)
+class Aruco(Pattern):
     """Markers of one of OpenCV's dictionaries ("4X4_50", "APRILTAG_36h11", …).
 
     ``centres`` (M, 2); ``ids`` one number per centre; ``size`` is the side of the dark square,
@@ -92,10 +91,6 @@ class Aruco(Colored):
     dark: Albedo = Albedo(0.05)
     light: Albedo = Albedo(0.9)
     ground: Albedo = Albedo(0.9)
-    roughness: Share = 1.0
-    metallic: Share = 0.0
-    bump: Bump | None = None
-    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         set_centres(self)
@@ -116,8 +111,8 @@ class Aruco(Colored):
 
 
 @checked
-@dataclass(frozen=True)
-class Charuco(Colored):
+@dataclass(frozen=True, repr=False)
+class Charuco(Pattern):
     """OpenCV's ChArUco board: a chessboard whose light squares hold markers.
 
     The square at the upper left is dark, as in OpenCV from 4.6 on; markers are numbered row by row
@@ -138,9 +133,6 @@ class Charuco(Colored):
     dark: Albedo = Albedo(0.05)
     light: Albedo = Albedo(0.9)
     ground: Albedo = Albedo(0.9)
-    roughness: Share = 1.0
-    metallic: Share = 0.0
-    bump: Bump | None = None
 
     def __post_init__(self) -> None:
         require(self.marker < self.square, "Charuco marker", self.marker, "less than the square")
@@ -194,8 +186,8 @@ def ring_codes(bits: int) -> tuple[int, ...]:
 
 
 @checked
-@dataclass(frozen=True, eq=False)
-class RingCodes(Colored):
+@dataclass(frozen=True, eq=False, repr=False)
+class RingCodes(Pattern):
     """Circular coded targets as photogrammetry uses them: a disc and a ring of light and dark bits.
 
     ``diameter`` is that of the central disc; the ring reaches from twice to three times as far. Bit
@@ -215,10 +207,6 @@ class RingCodes(Colored):
     angle: Angle = 0.0
     dot: Albedo = Albedo(0.9)
     ground: Albedo = Albedo(0.05)
-    roughness: Share = 1.0
-    metallic: Share = 0.0
-    bump: Bump | None = None
-    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         set_centres(self)

@@ -15,7 +15,6 @@ from typing import Annotated
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.field_summary import field_summary
 from gpusim.surface.bitmap import Image
 from gpusim.surface.color import Albedo, Color, Colored, grey
 from gpusim.surface.features import (
@@ -28,6 +27,7 @@ from gpusim.surface.features import (
     Features,
     Length,
     Paint,
+    Pattern,
     Place,
     Stack,
     set_centres,
@@ -94,8 +94,8 @@ class Plain(Colored):
 
 
 @checked
-@dataclass(frozen=True)
-class Checker(Colored):
+@dataclass(frozen=True, repr=False)
+class Checker(Pattern):
     """A chessboard of squares of side ``size``; the square at ``origin`` (s, t) is ``dark``.
 
     With ``columns`` and ``rows`` it ends there and ``ground`` surrounds it; without, it covers the
@@ -114,9 +114,6 @@ class Checker(Colored):
     dark: Albedo = Albedo(0.05)
     light: Albedo = Albedo(0.9)
     ground: Albedo = Albedo(0.9)
-    roughness: Share = 1.0
-    metallic: Share = 0.0
-    bump: Bump | None = None
 
     def features(self, low: Float, high: Float) -> Features | None:
         """One patch; an unlimited one is cut to the region, on a whole number of square pairs."""
@@ -141,8 +138,8 @@ def _numbers(grid: Dots | Lines, low: Float, high: Float, margin: float) -> tupl
 
 
 @checked
-@dataclass(frozen=True)
-class Dots(Colored):
+@dataclass(frozen=True, repr=False)
+class Dots(Pattern):
     """Discs of ``diameter`` on a grid of ``pitch``; the first centre is at ``origin``.
 
     Examples
@@ -158,9 +155,6 @@ class Dots(Colored):
     origin: Place = (0.0, 0.0)
     albedo: Albedo = Albedo(0.05)
     ground: Albedo = Albedo(0.9)
-    roughness: Share = 1.0
-    metallic: Share = 0.0
-    bump: Bump | None = None
 
     def __post_init__(self) -> None:
         fits = self.diameter <= self.pitch
@@ -181,8 +175,8 @@ class Dots(Colored):
 
 
 @checked
-@dataclass(frozen=True, eq=False)
-class Markers(Colored):
+@dataclass(frozen=True, eq=False, repr=False)
+class Markers(Pattern):
     """Square targets of side ``size`` made of 2 x 2 black and white squares, at given centres.
 
     ``centres`` is (M, 2) in paint coordinates; ``angle`` (rad) turns every marker. The squares at
@@ -200,10 +194,6 @@ class Markers(Colored):
     light: Albedo = Albedo(0.9)
     ground: Albedo = Albedo(0.5)
     angle: Angle = 0.0
-    roughness: Share = 1.0
-    metallic: Share = 0.0
-    bump: Bump | None = None
-    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         set_centres(self)
@@ -218,8 +208,8 @@ class Markers(Colored):
 
 
 @checked
-@dataclass(frozen=True, eq=False)
-class Circles(Colored):
+@dataclass(frozen=True, eq=False, repr=False)
+class Circles(Pattern):
     """Concentric circles around every centre (M, 2): the largest is ``dark``, then they alternate.
 
     ``diameters`` fall; (30, 20, 10) is a dark ring of width 5 around a dark disc of diameter 10.
@@ -235,10 +225,6 @@ class Circles(Colored):
     dark: Albedo = Albedo(0.05)
     light: Albedo = Albedo(0.9)
     ground: Albedo = Albedo(0.9)
-    roughness: Share = 1.0
-    metallic: Share = 0.0
-    bump: Bump | None = None
-    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         set_centres(self)
@@ -258,8 +244,8 @@ class Circles(Colored):
 
 
 @checked
-@dataclass(frozen=True)
-class Lines(Colored):
+@dataclass(frozen=True, repr=False)
+class Lines(Pattern):
     """Lines of ``width`` at a ``pitch``: along s, along t, or both, a grid.
 
     ``origin`` is the middle of a line (of a crossing). ``columns`` and ``rows`` count pitches;
@@ -279,9 +265,6 @@ class Lines(Colored):
     origin: Place = (0.0, 0.0)
     albedo: Albedo = Albedo(0.05)
     ground: Albedo = Albedo(0.9)
-    roughness: Share = 1.0
-    metallic: Share = 0.0
-    bump: Bump | None = None
 
     def __post_init__(self) -> None:
         require(self.width < self.pitch, "Lines width", self.width, "less than the pitch")
@@ -316,8 +299,8 @@ class Lines(Colored):
 
 
 @checked
-@dataclass(frozen=True, eq=False)
-class Star(Colored):
+@dataclass(frozen=True, eq=False, repr=False)
+class Star(Pattern):
     """Siemens stars: ``spokes`` dark sectors around every centre (M, 2), as wide as the gaps.
 
     The first spoke begins at ``angle`` (rad) from the s axis. At the distance r from a centre the
@@ -336,10 +319,6 @@ class Star(Colored):
     dark: Albedo = Albedo(0.05)
     light: Albedo = Albedo(0.9)
     ground: Albedo = Albedo(0.9)
-    roughness: Share = 1.0
-    metallic: Share = 0.0
-    bump: Bump | None = None
-    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         set_centres(self)

@@ -23,9 +23,9 @@ from gpusim.arrays.array_types import Float, Long
 from gpusim.arrays.ragged import expand
 from gpusim.arrays.unique import Hash, mix
 from gpusim.errors import InputError
-from gpusim.surface.color import Albedo, Colored, grey
-from gpusim.surface.features import SECTOR, Bump, Features, Length
-from gpusim.validation import Rule, Share, checked, one_of, require
+from gpusim.surface.color import Albedo, grey
+from gpusim.surface.features import SECTOR, Features, Length, Pattern
+from gpusim.validation import Rule, checked, one_of, require
 
 EDGE = 3.0
 """Half width of a soft edge over its standard deviation: beyond it, opacity is exactly 0 or 1."""
@@ -44,8 +44,8 @@ GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 
 
 @checked
-@dataclass(frozen=True)
-class Speckle(Colored):
+@dataclass(frozen=True, repr=False)
+class Speckle(Pattern):
     """Discs of albedo ``dot`` at random places on ``ground``.
 
     Parameters
@@ -90,9 +90,6 @@ class Speckle(Colored):
     seed: Annotated[int, Rule("a whole number from 0 up", lambda value: 0 <= value < 2**63)] = 0
     dot: Albedo = Albedo(0.05)
     ground: Albedo = Albedo(0.9)
-    roughness: Share = 1.0
-    metallic: Share = 0.0
-    bump: Bump | None = None
 
     def __post_init__(self) -> None:
         half = 0.5 * self.diameter

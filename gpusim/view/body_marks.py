@@ -14,7 +14,7 @@ from gpusim.view.content.picking import Pick
 from gpusim.view.view_state import ViewState
 from gpusim.visualization.color_scale import format_value, value_text
 from gpusim.visualization.mesh_edges import crease_edges, element_edges
-from gpusim.visualization.overlay import INK, PAPER, Overlay
+from gpusim.visualization.overlay import Overlay
 from gpusim.visualization.symbols import BEFORE, Symbols
 
 SIZE = 14
@@ -136,19 +136,11 @@ def _draw_extremes(viewer: ViewState, symbols: Symbols) -> None:
     values, places = values[np.isfinite(values)], places[np.isfinite(values)]
     if not len(values) or values.min() == values.max():
         return
-    unit, overlay = viewer.field_values.field.unit, symbols.overlay
-    for word, k in (("min", int(np.argmin(values))), ("max", int(np.argmax(values)))):
-        at = symbols.ring(places[k])
-        if not np.isfinite(at).all():
-            continue
-        hidden = "" if symbols.seen(places[[k]], around=True)[0] else ", hidden"
-        text = f"{word} {value_text(float(values[k]), unit)}{hidden}"
-        wide = overlay.text_width(text, SIZE) + 10.0
-        left = at[0] + 14.0
-        left -= (wide + 28.0) * bool(left + wide > viewer.size[0] - viewer.taken()[0])
-        top = at[1] - 0.5 * SIZE - 5.0
-        overlay.rectangle(round(left), round(top), round(wide), SIZE + 10, PAPER)
-        overlay.text(left + 5.0, at[1], text, SIZE, INK, "lm")
+    unit = viewer.field_values.field.unit
+    marks = [(f"{word} {value_text(float(values[k]), unit)}", places[k])
+             for word, k in (("min", values.argmin()), ("max", values.argmax()))]  # fmt: skip
+    free = np.stack([(0.0, 0.0), np.subtract(viewer.size, viewer.taken())])
+    symbols.rings(marks, SIZE, free)
 
 
 # -- selection

@@ -14,6 +14,21 @@ SAID = {
     "held": "legend: held as it is",
     "frames": "legend: as far as the values of all frames reach",
 }
+FAR, APART = 1e30, 1e-6
+"""Most that limits may be, and how far they are apart, of the larger one: what float32 tells."""
+
+
+def is_range(low: float, high: float) -> bool:
+    """Whether a legend can reach from one value to another.
+
+    Examples
+    --------
+    >>> from gpusim.view.legend_range import is_range
+    >>> is_range(-1.0, 2.5), is_range(2.0, 2.0), is_range(-1e308, 1e308)
+    (True, False, False)
+    """
+    far = max(abs(low), abs(high))
+    return far <= FAR and high - low >= max(1.0 / FAR, APART * far)
 
 
 class LegendRange:

@@ -14,6 +14,7 @@ from gpusim.errors import InputError, NotConverged
 from gpusim.export.images import write_image
 from gpusim.validation import require, require_one_of
 from gpusim.view.keys import ALIASES, KEYS
+from gpusim.view.legend_range import APART, FAR, is_range
 from gpusim.view.viewer import Viewer
 from gpusim.visualization.overlay import pixels_of
 
@@ -103,8 +104,8 @@ def look_as_asked(
     if field is not None:
         viewer.show_field(field)
     if legend is not None:
-        grows = -np.inf < legend[0] < legend[1] < np.inf
-        require(grows, "view --legend", "{:g} {:g}".format(*legend), "LOW HIGH, finite, growing")
+        expected = f"LOW HIGH, growing by {APART:g} of the larger one at least, up to {FAR:g}"
+        require(is_range(*legend), "view --legend", "{!r} {!r}".format(*legend), expected)
         require(field is not None, "view --legend", "no --field", "one that it is of")
         viewer.hold_range(*legend)
     known = [*(one.key.replace(" ", "space") for one in KEYS), *ALIASES]

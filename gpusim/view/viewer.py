@@ -16,6 +16,7 @@ from gpusim.view.content.picking import pick
 from gpusim.view.drawing import ViewDrawing
 from gpusim.view.field_list import FieldRows, all_fields
 from gpusim.view.keys import ALIASES, KEYS
+from gpusim.view.legend_range import is_range
 from gpusim.view.panels import draw_panels, panels_taken, slider_frame
 from gpusim.visualization.overlay import Overlay
 from gpusim.visualization.placement import Placement
@@ -144,7 +145,9 @@ class Viewer(ViewDrawing):
             return
         low, high = self.color_scale.limits
         middle = 0.0 if low <= 0.0 <= high else 0.5 * (low + high)
-        self.hold_range(*(middle + factor * (end - middle) for end in (low, high)))
+        low, high = (middle + factor * (end - middle) for end in (low, high))
+        if is_range(low, high):
+            self.hold_range(low, high)
 
     def play(self) -> None:
         """Frames in time, again and again, or no longer."""

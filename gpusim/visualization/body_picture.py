@@ -32,7 +32,7 @@ from gpusim.visualization.field_colors import (
 )
 from gpusim.visualization.legend import draw_legend
 from gpusim.visualization.mesh_edges import crease_edges, element_edges
-from gpusim.visualization.overlay import INK, PAPER, Overlay, pixels_of
+from gpusim.visualization.overlay import INK, Overlay, pixels_of
 from gpusim.visualization.placement import Placement
 from gpusim.visualization.symbols import Symbols
 from gpusim.visualization.turntable import Turntable
@@ -102,11 +102,12 @@ def extremes(field: Field, values: Sequence[Float]) -> dict[str, Extreme]:
     signed one; neither where it isn't of its sign, or is small beside the other."""
     found: dict[str, Extreme] = {}
     for word, sign in (("largest", 1.0), ("smallest", -1.0))[: 1 + field.signed]:
-        nodes = [int(np.argmax(sign * one)) for one in values]
-        most = [Extreme(float(values[k][node]), k, node) for k, node in enumerate(nodes)]
-        best = max(most, key=lambda one: sign * one.value)
-        if sign * best.value > 0.0:
-            found[word] = best
+        # what isn't known is as little as nothing
+        known = [np.where(np.isfinite(one), sign * one, 0.0) for one in values]
+        body = max(range(len(known)), key=lambda k: float(known[k].max()))
+        node = int(np.argmax(known[body]))
+        if known[body][node] > 0.0:
+            found[word] = Extreme(float(values[body][node]), body, node)
     far = max((abs(one.value) for one in found.values()), default=0.0)
     return {word: one for word, one in found.items() if abs(one.value) >= SMALL * far}
 
@@ -118,14 +119,14 @@ class BodyPictures:
 
     Examples
     --------
-    >>> from gpusim.export.field_catalogue import named_field
+    >>> from gpusim.export.field_catalogue import BODY
     >>> from gpusim.visualization.body_picture import BodyPictures, DisplacedBody
     >>> from gpusim.visualization.turntable import Turntable
     >>> bar = gs.mesh.box(size=(0.3, 0.02, 0.02), divisions=(6, 1, 1))
     >>> u = np.stack([0 * bar.points[:, 0], 0 * bar.points[:, 0], bar.points[:, 0] ** 2], axis=1)
     >>> body = DisplacedBody("bar", gs.Skin(bar, gs.mesh.boundary_faces(bar)), u)
     >>> pictures = BodyPictures(gs.Device(), [body], Turntable())
-    >>> pictures.draw(named_field("displacement_z"), [1e3 * u[:, 2]]).shape
+    >>> pictures.draw(BODY["displacement_z"], [1e3 * u[:, 2]]).shape
     (860, 1280, 3)
     """
 
@@ -159,7 +160,7 @@ class BodyPictures:
             )  # fmt: skip
             overlay.add(self._lines)
             self._draw_frame(overlay, field, scale)
-            self._mark(overlay, field, values)
+            self._mark_extremes(overlay, field, values)
             overlay.draw(target, recording)
         return pixels_of(self.device, target)[..., :3].copy()
 
@@ -171,12 +172,12 @@ class BodyPictures:
     @cached_property
     def _lines(self) -> npt.NDArray[np.void]:
         """Borders of elements, edges, and those of the undeformed bodies: alike for all fields."""
-        symbols = self._symbols(Overlay(self.device))
+        symbols, eye = self._symbols(Overlay(self.device)), self.camera.eye
         for body, surface in zip(self.bodies, self.surfaces, strict=True):
             if body.u.any():
-                symbols.lines(crease_edges(body.rest), _GHOST, 1.2, pale=0.35)
+                symbols.lines(crease_edges(body.rest, eye=eye), _GHOST, 1.2, pale=0.35)
             symbols.elements(element_edges(surface, body.skin), "#00000048")
-            symbols.lines(crease_edges(surface), _CREASE, 1.6)
+            symbols.lines(crease_edges(surface, eye=eye), _CREASE, 1.6)
         return symbols.overlay.quads()
 
     def _symbols(self, overlay: Overlay) -> Symbols:
@@ -202,33 +203,16 @@ class BodyPictures:
         )  # fmt: skip
         overlay.text(left + bar + 34.0, low + 4, text, SIZE - 2, _MUTED, "ls")
 
-    def _mark(self, overlay: Overlay, field: Field, values: Sequence[Float]) -> None:
+    def _mark_extremes(self, overlay: Overlay, field: Field, values: Sequence[Float]) -> None:
         """A ring round the largest value, and round the smallest where there are both signs."""
-        symbols = self._symbols(overlay)
+        marks = []
         for word, one in extremes(field, values).items():
             body = self.bodies[one.body]
-            point = (body.skin.mesh.points + self.factor * body.u)[[one.node]]
-            middle = symbols.ring(point[0])
-            hidden = "" if symbols.seen(point, around=True)[0] else ", hidden"
-            text = f"{word} {value_text(one.value, field.unit)}{hidden}"
-            wide = overlay.text_width(text, SIZE) + 12.0
-            left, top = self._beside(middle, wide, SIZE + 10.0)
-            overlay.rectangle(round(left), round(top), round(wide), SIZE + 10, PAPER)
-            overlay.text(left + 6.0, top + 0.5 * SIZE + 5.0, text, SIZE, INK, "lm")
-
-    def _beside(self, at: Float, wide: float, tall: float) -> tuple[float, float]:
-        """The upper left corner of a label beside a place, where it hides the least of the bodies;
-        within the picture, left of the legend."""
-        bodies, (x, y) = self.frame.ids() > 0, at
-        corners = [(x + dx, y + dy) for dy in (-tall - 12.0, 12.0) for dx in (16.0, -16.0 - wide)]
-
-        def hidden(corner: tuple[float, float]) -> float:
-            left, top = (round(float(v)) for v in corner)
-            out = left < 0 or left + wide > self.camera.width - RIGHT + EDGE or top < TOP
-            rows = slice(max(top - TOP, 0), max(top - TOP + round(tall), 0))
-            return out * bodies.size + int(bodies[rows, max(left, 0) : left + round(wide)].sum())
-
-        return min(corners, key=hidden)
+            place = body.skin.mesh.points[one.node] + self.factor * body.u[one.node]
+            marks.append((f"{word} {value_text(one.value, field.unit)}", place))
+        width, height = self.size
+        free = np.array([[0.0, TOP], [width - RIGHT + EDGE, height - BELOW + 2 * EDGE]])
+        self._symbols(overlay).rings(marks, SIZE, free)
 
 
 def _framed(view: Turntable, points: Float) -> tuple[Turntable, Camera]:

@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float
+from gpusim.mesh.polygons import unit_normals
 from gpusim.surface import Skin
 from gpusim.surface.surface import Surface
+
+CREASE = np.cos(np.pi / 6)
 
 
 def _ends(surface: Surface, edges: Bool) -> Float:
@@ -39,17 +42,16 @@ def element_edges(surface: Surface, skin: Skin) -> Float:
     return _ends(surface, between | ~topology.manifold)
 
 
-def crease_edges(surface: Surface, angle: float = np.pi / 6, eye: Float | None = None) -> Float:
-    """(n, 2, 3) m, world: edges at which a surface turns by more than ``angle`` (rad), ends,
+def crease_edges(surface: Surface, eye: Float | None = None) -> Float:
+    """(n, 2, 3) m, world: edges at which a surface turns by more than 30°, ends,
     changes its paint, or turns away from an ``eye`` (3,)."""
     topology = surface.topology
-    a, b, c = (surface.points[topology.triangles[:, k]] for k in range(3))
-    normal = np.cross(b - a, c - a)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    corners = surface.points[topology.triangles]
+    normal = unit_normals(corners)
     cosine = (normal[topology.first] * normal[topology.second]).sum(axis=1)
     region = surface.regions[topology.source]
     other = region[topology.first] != region[topology.second]
     if eye is not None:
-        away = ((a - eye) * normal).sum(axis=1) > 0.0
+        away = ((corners[:, 0] - eye) * normal).sum(axis=1) > 0.0
         other |= away[topology.first] != away[topology.second]
-    return _ends(surface, (cosine < np.cos(angle)) | ~topology.manifold | other)
+    return _ends(surface, (cosine < CREASE) | ~topology.manifold | other)

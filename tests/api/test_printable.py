@@ -15,7 +15,7 @@ from gpusim.cli import app
 from gpusim.cli.console import ProgressDisplay
 from gpusim.errors import Fault, GpusimError, InputError, SceneError
 from gpusim.printable import printable
-from gpusim.report.html import FigureSet, render_html
+from gpusim.report.html import render_html
 from gpusim.report.model import Report, Stage
 from gpusim.scene import Scene
 
@@ -108,7 +108,7 @@ def test_report_page_and_json(tmp_path: Path) -> None:
         stages=(Stage(EVIL, "run", EVIL, 1.0),), warnings=(EVIL,), facts={EVIL: EVIL},
         scene_text=f'name = "{EVIL}"\n',
     )  # fmt: skip
-    page = render_html(report, FigureSet(), tmp_path)
+    page = render_html(report, {}, tmp_path)
     assert not raw(page) and CLEAN in page and "<script>x" not in page
     assert f"{CLEAN}&lt;script&gt;" in page
     assert not raw(report.to_json())

@@ -14,7 +14,7 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 from gpusim.cli import app
-from gpusim.scene.sources import SOURCES
+from gpusim.scene.effects import EFFECTS
 
 Run = Callable[..., Any]
 
@@ -89,7 +89,7 @@ def test_without_a_table_it_is_the_json_schema(cli: Run) -> None:
 
 def test_help_says_what_the_effects_are(cli: Run) -> None:
     words = " ".join(cli("run", "--help").stdout.split())
-    for name, effect in SOURCES.items():
+    for name, effect in EFFECTS.items():
         assert f" {name} {effect.about}" in words
 
 

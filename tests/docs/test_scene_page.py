@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from gpusim.scene import json_schema
+from gpusim.scene.effects import EFFECTS
 from gpusim.scene.key_reference import scene_tables
-from gpusim.scene.sources import SOURCES
 from scripts.scene_reference import page, sections
 
 
@@ -49,4 +49,4 @@ def test_every_table_is_told_once() -> None:
 def test_effects_are_those_of_the_program(checkout: Path) -> None:
     text = (checkout / "docs" / "variants.md").read_text(encoding="utf-8")
     rows = dict(re.findall(r"^\| `(\w+)` \| (.*) \|$", text, re.MULTILINE))
-    assert rows == {name: effect.about for name, effect in SOURCES.items()}
+    assert rows == {name: effect.about for name, effect in EFFECTS.items()}

@@ -9,7 +9,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.mesh import read_surface, read_textured
-from gpusim.mesh.polygons import cut_at_dents, cut_polygons
+from gpusim.mesh.polygons import cut_at_dents, cut_polygons, unit_normals
 
 DENTED = np.array([[-1.0, 1, 0], [-1, -1, 0], [1, -1, 0], [-0.5, -0.5, 0]])  # of area 1
 RNG = np.random.default_rng(3)
@@ -23,6 +23,18 @@ def area(points: np.ndarray, faces: np.ndarray) -> float:
         for p, q, r in ((a, b, c), (a, c, d)) if d >= 0 else ((a, b, c),):
             total += 0.5 * np.linalg.norm(np.cross(points[q] - points[p], points[r] - points[p]))
     return total
+
+
+def test_normals_of_triangles_on_a_sphere_and_of_one_without_area() -> None:
+    """A triangle's normal goes through the middle of the circle round its corners."""
+    corners = RNG.normal(size=(40, 3, 3))
+    corners /= np.linalg.norm(corners, axis=2)[..., None]
+    normal = unit_normals(corners)
+    heights = np.einsum("tvi,ti->tv", corners, normal)
+    assert np.ptp(heights, axis=1).max() <= 1e-12
+    assert np.linalg.norm(normal, axis=1) == pytest.approx(1.0, rel=1e-14)
+    assert np.array_equal(np.sign(np.linalg.det(corners)), np.sign(heights[:, 0]))
+    assert not unit_normals(np.ones((1, 3, 3))).any()
 
 
 @pytest.mark.parametrize("first", range(4))

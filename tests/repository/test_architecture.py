@@ -48,7 +48,7 @@ ALLOWED: dict[str, set[str]] = {
 NUMERICS = set(ALLOWED)
 # Packages that put stages together, each with what it may see beside all of the above.
 ALLOWED |= {
-    "applications": NUMERICS - {"scene", "surface"},
+    "applications": NUMERICS - {"surface"},
     "graph": {"gpu"},
     "plan": {"gpu", "scene", "graph"},
     "twin_checks": {"gpu", "mesh", "fem", "surface", "optics", "measure", "visualization", "view"},

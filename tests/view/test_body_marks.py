@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from gpusim.view.screenshot import screenshot
 from gpusim.view.viewer import Viewer
+from gpusim.visualization.color_scale import value_text
+from gpusim.visualization.symbols import Symbols
 
 
 @pytest.mark.parametrize("name", ["displacement_z", "element_von_mises"])
@@ -36,6 +40,31 @@ def test_rings_lie_at_the_smallest_and_the_largest_value(run_viewer: Viewer, nam
         ]
         assert max(near) > 60, extreme
     assert 100 < changed.sum() < 0.25 * changed.size
+
+
+def test_values_that_arent_known_are_not_marked(
+    run_viewer: Viewer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    viewer = run_viewer
+    viewer.show_field("displacement_z")
+    marked: list[str] = []
+    monkeypatch.setattr(
+        Symbols, "rings", lambda self, marks, *_: marked.extend(text for text, _ in marks)
+    )
+    viewer.key("x")
+    found = viewer.field_values
+    assert found is not None
+    (height,) = found.values
+    low, high = np.sort(height)[[1, 8]]
+    some = (height >= low) & (height <= high)
+    marks = [f"{word} {value_text(float(value), found.field.unit)}"
+             for word, value in (("min", low), ("max", high))]  # fmt: skip
+    for known, expected in ((some, marks), (np.zeros_like(some), [])):
+        viewer.field_values = replace(found, values=[np.where(known, height, np.nan)])
+        viewer.changed()
+        marked.clear()
+        screenshot(viewer)
+        assert marked == expected
 
 
 def test_the_undeformed_shape(run_viewer: Viewer) -> None:

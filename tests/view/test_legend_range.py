@@ -53,10 +53,34 @@ def test_typed_limits(run_viewer: Viewer) -> None:
     look_as_asked(run_viewer, None, 1, "stress_xx", legend=(-30.0, 45.0))
     assert run_viewer.color_scale.limits == (-30.0, 45.0)
     assert run_viewer.color_scale.colormap == "viridis"  # zero isn't in the middle
-    for legend, field in (((3.0, 1.0), "von_mises"), ((0.0, float("nan")), "von_mises"),
-                          ((0.0, 1.0), None)):  # fmt: skip
-        with pytest.raises(gs.InputError, match="view --legend"):
-            look_as_asked(run_viewer, None, None, field, legend=legend)
+    with pytest.raises(gs.InputError, match="view --legend; got no --field"):
+        look_as_asked(run_viewer, None, None, None, legend=(0.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    "legend",
+    [(3.0, 1.0), (0.0, float("nan")), (float("nan"), 0.0), (-float("inf"), 0.0), (-1e308, 1e308),
+     (0.0, 1e300), (0.0, 5e-324), (1.0, 1.0 + 1e-12)],
+)  # fmt: skip
+def test_limits_that_no_legend_has(run_viewer: Viewer, legend: tuple[float, float]) -> None:
+    expected = r"view --legend; got .*; expected LOW HIGH, growing by 1e-06 of the larger one"
+    with pytest.raises(gs.InputError, match=expected):
+        look_as_asked(run_viewer, None, None, "von_mises", legend=legend)
+
+
+@pytest.mark.parametrize("legend", [(-1e30, 1e30), (0.0, 1e-30), (1.0, 1.00001)])
+def test_the_widest_and_narrowest_limits_are_drawn(
+    run_viewer: Viewer, legend: tuple[float, float]
+) -> None:
+    look_as_asked(run_viewer, None, 1, "stress_xx", legend=legend)
+    screenshot(run_viewer)
+    assert run_viewer.color_scale.limits == legend
+    for key in "<>":  # no further than that
+        for _ in range(300):
+            run_viewer.key(key)
+        low, high = run_viewer.color_scale.limits
+        assert -1e30 <= low < high <= 1e30
+    screenshot(run_viewer)
 
 
 def test_keys_that_are_asked_for(run_folder: Path, run_viewer: Viewer) -> None:

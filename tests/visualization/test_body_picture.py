@@ -13,7 +13,6 @@ from gpusim.gpu import Device
 from gpusim.visualization.body_picture import (
     PLACE,
     SHOWN,
-    TOP,
     BodyPictures,
     DisplacedBody,
     exaggeration,
@@ -76,19 +75,6 @@ def test_everything_is_in_view_beside_legend_and_scale(device: Device) -> None:
         assert ids.any() and not ids[[0, -1]].any() and not ids[:, [0, -1]].any()
 
 
-def test_labels_hide_as_little_as_possible(device: Device) -> None:
-    pictures = BodyPictures(device, [plate()], ISOMETRIC.side("front"))
-    bodies = pictures.frame.ids() > 0
-    rows, columns = (np.flatnonzero(bodies.any(axis=k)) for k in (1, 0))
-    upper_right = np.array([columns[-1] + 0.5, TOP + rows[0] + 0.5])
-    left, top = pictures._beside(upper_right, 100.0, 30.0)
-    assert top + 30.0 <= TOP + rows[0]  # above the body, not on it
-    assert left + 100.0 <= pictures.size[0] - 140.0  # beside the legend
-    lower_left = np.array([columns[0] + 0.5, TOP + rows[-1] + 0.5])
-    left, top = pictures._beside(lower_left, 100.0, 30.0)
-    assert left >= 0.0 and top >= TOP + rows[-1]
-
-
 def test_the_scale_bar_is_as_long_as_it_says(device: Device) -> None:
     pictures = BodyPictures(device, [plate()], ISOMETRIC)
     picture = pictures.draw(HEIGHT, [pictures.bodies[0].skin.mesh.points[:, 0]])
@@ -117,3 +103,26 @@ def test_the_largest_and_smallest_values_and_where_they_are() -> None:
     assert list(extremes(replace(HEIGHT, signed=False), [x - 0.1])) == ["largest"]
     assert list(extremes(HEIGHT, [x - 1e-3, x])) == ["largest"]  # the other is small beside it
     assert list(extremes(HEIGHT, [-x])) == ["smallest"] and extremes(HEIGHT, [0.0 * x]) == {}
+
+
+@pytest.mark.parametrize("unknown", [np.nan, np.inf, -np.inf])
+def test_what_isnt_known_is_no_extreme(unknown: float) -> None:
+    first, second = np.array([1.0, -3.0, 2.0, unknown]), np.array([unknown, 5.0, -4.0])
+    assert extremes(HEIGHT, [first, second]) == {"largest": (5.0, 1, 1), "smallest": (-4.0, 1, 2)}
+    second[:] = unknown
+    for values in ([first, second], [second, first]):
+        found = extremes(HEIGHT, values)
+        assert {word: one.value for word, one in found.items()} == {
+            "largest": 2.0, "smallest": -3.0
+        }  # fmt: skip
+    assert extremes(HEIGHT, [second]) == {}
+
+
+def test_a_picture_of_a_field_that_isnt_known_everywhere(device: Device) -> None:
+    pictures = BodyPictures(device, [plate()], ISOMETRIC)
+    height = pictures.bodies[0].skin.mesh.points[:, 2]
+    blank = pictures.draw(HEIGHT, [np.full_like(height, np.nan)])
+    some = pictures.draw(HEIGHT, [np.where(height > 0.02, height, np.nan)])
+    top = pixels(pictures, np.array([[0.06, 0.04, 0.05]]))[0]
+    colors = some[top[1], top[0]], blank[top[1], top[0]]
+    assert np.ptp(colors[0]) > 50 and np.ptp(colors[1]) < 10  # coloured; grey

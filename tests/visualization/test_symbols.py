@@ -56,7 +56,7 @@ def test_what_is_behind_the_camera_is_cut_off(device: Device) -> None:
     assert found[0] == pytest.approx(pen.window(before), abs=1e-3)
     assert found[1, 0] > found[0, 0] + 100.0  # towards the side that it passes on
     pen.lines([[eye - forward, eye - 2.0 * forward]], "black")
-    pen.pyramids(eye - forward, forward, "black")
+    pen.pyramids(eye - forward, forward)
     pen.arrows(eye - forward, forward * 0.1)
     assert len(pen.overlay.quads()) == 1
 
@@ -166,6 +166,83 @@ def test_loads_end_where_they_act_and_say_their_sum(device: Device) -> None:
     pen.overlay.clear()
     pen.loads(points, 0.0 * forces)
     assert len(pen.overlay.quads()) == 0
+
+
+Box = npt.NDArray[np.float64]
+
+
+def boxes_of(pen: Symbols, monkeypatch: pytest.MonkeyPatch) -> list[Box]:
+    """Gets the rectangle behind each text: its upper left and its lower right corner."""
+    found: list[Box] = []
+
+    def rectangle(left: float, top: float, wide: float, tall: float, color: object) -> None:
+        found.append(np.array([[left, top], [left + wide, top + tall]]))
+
+    monkeypatch.setattr(pen.overlay, "rectangle", rectangle)
+    return found
+
+
+def meet(one: Box, other: Box) -> bool:
+    return bool((np.minimum(one[1], other[1]) > np.maximum(one[0], other[0])).all())
+
+
+@pytest.mark.parametrize("scale", [1.0, 2.0])
+def test_texts_of_rings_hide_as_little_as_they_can(
+    device: Device, monkeypatch: pytest.MonkeyPatch, scale: float
+) -> None:
+    """Of a square plate in the middle of a picture that lies anywhere in a window."""
+    plate = gs.mesh.box(size=(0.4, 0.01, 0.4), divisions=(1, 1, 1), origin=(-0.2, 0.0, -0.2))
+    skin = gs.Skin(plate, gs.mesh.boundary_faces(plate))
+    camera = gs.Camera.from_lens((36, 24), 50, (600, 400), (0, -2, 0), (0, 0, 0))
+    surface = skin.surface({"": gs.paint.Plain()}, np.zeros(6, np.int32), {}, "plate")
+    half = camera.reframed(300, 200, scale=(0.5, 0.5))  # pictures of another size show the same
+    frame = gs.render([surface], half, device=device)
+    pen = Symbols(Overlay(device), camera, Placement(30.0, 20.0, scale), frame)
+    boxes = boxes_of(pen, monkeypatch)
+    free = np.array([[0.0, 0.0], [600.0, 400.0]]) * scale + [30.0, 20.0]
+    front = np.array([[-0.2, 0.0, -0.2], [0.2, 0.0, 0.2]])
+    body = np.sort(pen.window(front), axis=0)
+    for x, z in ((-0.2, 0.2), (0.2, 0.2), (0.2, -0.2), (-0.2, -0.2)):
+        boxes.clear()
+        pen.rings([("corner", np.array([x, 0.0, z]))], 20, free)
+        assert not meet(boxes[0], body) and (boxes[0][0] > 0).all()
+        assert np.abs(boxes[0] - pen.window([x, 0.0, z])).min(axis=0).max() <= 17.0  # beside it
+    # to the middle of the picture, where there is no body
+    pen.camera = camera.reframed(600, 400, (125.0, 0.0))
+    pen.frame = gs.render([surface], half.reframed(300, 200, (62.5, 0.0)), device=device)
+    body = np.sort(pen.window(front), axis=0)
+    boxes.clear()
+    pen.rings([("edge", np.array([0.2, 0.0, 0.0]))], 20, free)
+    assert not meet(boxes[0], body) and boxes[0][0, 0] > body[1, 0]
+    # beside a narrow picture there is no room: then on the plate, and not out of what is free
+    boxes.clear()
+    free[1, 0] = body[1, 0] + 20.0
+    pen.rings([("a long text", np.array([0.2, 0.0, 0.1]))], 20, free)
+    assert meet(boxes[0], body) and boxes[0][1, 0] <= free[1, 0]
+
+
+def test_texts_of_rings_do_not_lie_on_one_another(
+    device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pen = symbols(device)
+    boxes = boxes_of(pen, monkeypatch)
+    near = [np.array([0.3 + 0.005 * k, 0.0, 0.4]) for k in range(3)]
+    behind = pen.camera.eye - pen.camera.camera_from_world[2, :3]
+    marks = [(f"mark {k}", place) for k, place in enumerate([near[0], behind, *near[1:]])]
+    pen.rings(marks, 14, np.array([[-2e3, -2e3], [4e3, 4e3]]))
+    assert len(boxes) == 3  # what is behind the camera has none
+    assert not any(meet(boxes[a], boxes[b]) for a, b in ((0, 1), (0, 2), (1, 2)))
+    pen.rings([], 14, np.zeros((2, 2)))
+
+
+def test_rings_say_what_a_body_hides(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    crane, overlay = small_crane(), Overlay(device)
+    frame = gs.render([crane.surface, crane.wall], camera_before(), backend="numpy")
+    pen, texts = Symbols(overlay, camera_before(), None, frame), []
+    monkeypatch.setattr(overlay, "text", lambda x, y, text, *rest: texts.append(text))
+    places = np.array([[0.1, -0.3, 0.2], [0.1, 0.3, 0.2]])
+    pen.rings([("before", places[0]), ("behind", places[1])], 14, np.array([[0, 0], [99, 99.0]]))
+    assert texts == ["before", "behind, hidden"]
 
 
 def test_the_tripod_shows_the_worlds_axes(device: Device) -> None:

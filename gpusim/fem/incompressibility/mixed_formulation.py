@@ -28,7 +28,7 @@ from gpusim.fem.assembly.assembly import Assembled, assemble
 from gpusim.fem.assembly.system import System, make_system
 from gpusim.fem.incompressibility.pressure_preconditioners import PressureChebyshev, PressureScaling
 from gpusim.fem.incompressibility.volume_split import VolumeSplit, split_volume
-from gpusim.fem.krylov.cg import NumpyCG
+from gpusim.fem.krylov.cg import NumpyCG, dot
 from gpusim.fem.krylov.error_estimates import Norm, probe
 from gpusim.fem.krylov.multigrid_preconditioner import Multigrid
 from gpusim.fem.model.model import Model
@@ -103,7 +103,7 @@ class SaddleCG:
             q1, q2 = ad + self._forces(d2), bd - self._c * d2
             w1 = self._solve(q1)
             bw = self._volumes(w1)
-            pq = _dot(w1, ad) - _dot(q1, d1) + _dot(bw - q2, d2)
+            pq = dot(w1, ad) - dot(q1, d1) + dot(bw - q2, d2)
             alpha = np.divide(self._rz, pq, out=np.zeros_like(pq), where=active & (pq > 0.0))
             step = alpha[:, None]
             for vector, change in zip((*self._x, self._r1, self._r2), (d1, d2, -q1, -q2),
@@ -147,7 +147,7 @@ class SaddleCG:
         rest = self._bz - self._r2
         self._z2 = np.stack([self._pressures.apply(one) for one in rest])
         self._az = self._multigrid.product(self._z1)
-        return _dot(self._z1, self._az - self._r1) + _dot(self._z2, rest)
+        return dot(self._z1, self._az - self._r1) + dot(self._z2, rest)
 
     def _solve(self, r: Float) -> Float:
         return self._multigrid.apply(r) / self._theta
@@ -157,10 +157,6 @@ class SaddleCG:
 
     def _forces(self, p: Float) -> Float:
         return np.stack([self._back @ one for one in p])
-
-
-def _dot(a: Float, b: Float) -> Float:
-    return np.asarray(np.einsum("ln,ln->l", a, b))
 
 
 def mixed_solver(

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from gpusim.arrays.array_types import Bool, Float
+from gpusim.arrays.array_types import Bool, Float, Real
 from gpusim.fem.device.node_texels import Allocator, Pair, pair, vector_texels
 from gpusim.fem.device.relaxation import relaxation
 from gpusim.fem.device.tet_forces import DeviceOperator
@@ -43,7 +43,7 @@ class Preconditioner:
     def down(self, r: Float, cases: Sequence[int]) -> Float:
         z = self.apply(r)
         self._z.update(zip(cases, z, strict=True))
-        return _dot(r, z)
+        return dot(r, z)
 
     def up(self, cases: Sequence[int]) -> Float:
         return np.stack([self._z[case] for case in cases])
@@ -83,7 +83,7 @@ class NumpyCG:
         every = len(on) == len(self._p)
         p, rz = self._p if every else self._p[on], self._rz[on]
         q = self._apply(p)
-        pq = _dot(p, q)
+        pq = dot(p, q)
         alpha = np.divide(rz, pq, out=np.zeros_like(pq), where=pq > 0.0)
         for case, step, image in zip(on, alpha, q, strict=True):
             self._x[case] += step * self._p[case]
@@ -222,8 +222,9 @@ class DeviceCG:
         return kernel, self._bound[key]
 
 
-def _dot(a: Float, b: Float) -> Float:
-    return np.asarray(np.einsum("ln,ln->l", a, b))
+def dot(a: Real, b: Real) -> Float:
+    """(L,) products of rows (L, n), summed in float64."""
+    return np.asarray(np.einsum("ln,ln->l", a, b, dtype=np.float64, casting="same_kind"))
 
 
 class _BlockJacobi(Preconditioner):

@@ -12,7 +12,7 @@ from gpusim.arrays.array_types import Float, Real
 from gpusim.fem.device.node_texels import Allocator
 from gpusim.fem.device.tet_forces import DeviceOperator
 from gpusim.fem.device.v_cycle import TWICE, DeviceMultigrid, multigrid_bytes
-from gpusim.fem.krylov.cg import Preconditioner
+from gpusim.fem.krylov.cg import Preconditioner, dot
 from gpusim.fem.lattice.stencil import StencilProduct
 from gpusim.fem.multigrid.column_blocks import Columns
 from gpusim.fem.multigrid.hierarchy import Hierarchy
@@ -64,7 +64,7 @@ class Multigrid(Preconditioner):
         smoothed, residual, corrected = self._down(0, r)
         for case, one, x in zip(cases, r, corrected, strict=True):
             self._begun[case] = one, x
-        return _dot(r, smoothed) + _dot(residual, corrected)
+        return dot(r, smoothed) + dot(residual, corrected)
 
     def up(self, cases: Sequence[int]) -> Float:
         """z (L,3N) of the load cases of ``down``."""
@@ -144,8 +144,3 @@ def cycle_dtype(lowest: float, contrast: float) -> type[np.float32] | type[np.fl
     the ratio of its diagonal blocks ``contrast``."""
     single = float(np.finfo(np.float32).eps)
     return np.float32 if single <= _FELT * lowest and contrast <= _EVEN else np.float64
-
-
-def _dot(a: Real, b: Real) -> Float:
-    """(L,) products, summed in float64."""
-    return np.asarray(np.einsum("ln,ln->l", a, b, dtype=np.float64, casting="same_kind"))

@@ -3,7 +3,6 @@
 In the order in which data passes:
 
 - `image_noise`: Noise of a picture by its grey values, from itself or from two of a scene at rest.
-- `gauge_filter`: Subset and strain window as one linear filter: what it does to noise and to waves.
 - `synthetic_motion`: A picture's own pattern, moved by waves that are known exactly.
 - `pattern_trial`: What correlation errs by on a picture's own pattern, moved by waves that are
   known exactly.

@@ -12,6 +12,7 @@ its measured error. Lastly it is measured once more, with other noise.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 from typing import Annotated, Any
 
 import numpy as np
@@ -19,7 +20,6 @@ import numpy.typing as npt
 
 from gpusim.field_summary import field_summary
 from gpusim.gpu import Device, working_device
-from gpusim.measure.advice.gauge_filter import GaugeFilter, gauge_filter
 from gpusim.measure.advice.image_noise import ImageNoise, image_noise
 from gpusim.measure.advice.pattern_quality import (
     PatternQuality,
@@ -30,11 +30,13 @@ from gpusim.measure.advice.pattern_quality import (
 from gpusim.measure.advice.pattern_trial import PatternTrial, TrialErrors, WaveError
 from gpusim.measure.advice.synthetic_motion import TAPER, WaveMotion
 from gpusim.measure.correlation.dic import grid_points
+from gpusim.measure.correlation.gauge_filter import GaugeFilter, gauge_filter
 from gpusim.measure.correlation.pixel_mask import check_mask
 from gpusim.measure.correlation.warp import Shape
 from gpusim.measure.images import check_image
 from gpusim.validation import checked, require, within
 
+SETTINGS = "subset", "step", "shape", "blur_px", "strain_window"
 Matching = tuple[int, Shape, float]
 """Subset, shape, blur: what displacements depend on."""
 SUBSETS = (11, 13, 15, 17, 19, 21, 25, 29, 33, 39, 45, 53, 61, 71, 83, 97, 113)
@@ -71,8 +73,7 @@ class RatedSettings:
     @property
     def filters(self) -> tuple[GaugeFilter, GaugeFilter]:
         """Of displacements and of strains."""
-        kind = self.subset, self.shape
-        return gauge_filter(*kind), gauge_filter(*kind, self.step, self.strain_window)
+        return _filters(self.subset, self.shape, self.step, self.strain_window)
 
 
 @dataclass(frozen=True)
@@ -110,7 +111,7 @@ class Advice:
     @property
     def settings(self) -> dict[str, Any]:
         """As keywords of ``CorrelationSettings``, or of ``dic`` and ``strain``."""
-        return dict(list(vars(self.chosen).items())[:5])
+        return {name: getattr(self.chosen, name) for name in SETTINGS}
 
 
 @checked
@@ -187,7 +188,6 @@ class _Search:
     def __init__(self, trial: PatternTrial) -> None:
         self.trial = trial
         self.trials: dict[Matching, TrialErrors] = {}
-        self.excess: dict[Matching, list[float]] = {}
         self.pixel_px = {blur: trial.pixel_uncertainty(blur) for blur in BLURS}
         room = min(trial.used.shape) - 2 * TAPER
         self.candidates = [
@@ -205,7 +205,12 @@ class _Search:
         """The one whose strains err least, its subset, shape and blur being measured; with the
         widest step at which they err hardly more."""
         while (best := min(self.table(), key=_total)).matching not in self.trials:
-            self._measure(*best.matching)
+            subset, shape, blur = best.matching
+            # whether subsets are torn isn't asked, nor for the last digits: half the time
+            self.trials[best.matching] = self.trial.errors(
+                _lattice(subset), TRIAL_WINDOW, seed=1, subset=subset, shape=shape, blur_px=blur,
+                apart_px=np.inf, tolerance=1e-3,
+            )  # fmt: skip
         most = CHEAPER * _total(best)
         good = (o for o in self.table() if o.matching == best.matching and _total(o) <= most)
         return max(good, key=lambda one: (one.step, -_total(one)))
@@ -213,13 +218,11 @@ class _Search:
     def table(self) -> list[RatedSettings]:
         """All settings, rated by what is known by now."""
         period = self.trial.motion.period
+        excess = {one: self._excess(one) for one in product(SUBSETS, SHAPES, BLURS)}
         result = []
         for subset, step, shape, blur, window in self.candidates:
-            filters = gauge_filter(subset, shape), gauge_filter(subset, shape, step, window)
-            excess = self._excess((subset, shape, blur))
-            noise = [
-                self.pixel_px[blur] * f.noise * e for f, e in zip(filters, excess, strict=True)
-            ]
+            filters, more = _filters(subset, shape, step, window), excess[subset, shape, blur]
+            noise = [self.pixel_px[blur] * f.noise * e for f, e in zip(filters, more, strict=True)]
             errors = self.trial.wave_errors(noise, [1.0 - f.response(period) for f in filters])
             result.append(RatedSettings(subset, step, shape, blur, window, *errors))
         return result
@@ -227,26 +230,22 @@ class _Search:
     def _excess(self, matching: Matching) -> list[float]:
         """Noise of displacements and of strains over what theory says: of the measured subset
         nearest in size, 1 where there is none."""
-        alike = [one for one in self.excess if one[1:] == matching[1:]]
+        alike = [one for one in self.trials if one[1:] == matching[1:]]
         if not alike:
             return [1.0, 1.0]
-        return self.excess[min(alike, key=lambda one: abs(np.log(one[0] / matching[0])))]
-
-    def _measure(self, subset: int, shape: Shape, blur: float) -> None:
-        lattice = _lattice(subset)
-        # whether subsets are torn isn't asked, nor for the last digits: half the time
-        errors = self.trial.errors(
-            lattice, TRIAL_WINDOW, seed=1, subset=subset, shape=shape, blur_px=blur,
-            apart_px=np.inf, tolerance=1e-3,
-        )  # fmt: skip
-        filters = gauge_filter(subset, shape), gauge_filter(subset, shape, lattice, TRIAL_WINDOW)
+        nearest = min(alike, key=lambda one: abs(np.log(one[0] / matching[0])))
+        (subset, shape, blur), errors = nearest, self.trials[nearest]
         unit = self.pixel_px[blur] * errors.measured**LOST_WEIGHT
-        both = zip((errors.displacement, errors.strain), filters, strict=True)
-        self.trials[subset, shape, blur] = errors
-        self.excess[subset, shape, blur] = [
+        filters = _filters(subset, shape, _lattice(subset), TRIAL_WINDOW)
+        return [
             error.noise / (unit * f.noise) if error.noise > 0 and unit > 0 else np.inf
-            for error, f in both
+            for error, f in zip((errors.displacement, errors.strain), filters, strict=True)
         ]
+
+
+def _filters(subset: int, shape: Shape, step: int, window: int) -> tuple[GaugeFilter, GaugeFilter]:
+    """Of displacements and of strains."""
+    return gauge_filter(subset, shape), gauge_filter(subset, shape, step, window)
 
 
 def _lattice(subset: int) -> int:

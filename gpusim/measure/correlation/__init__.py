@@ -21,6 +21,7 @@ In the order in which data passes:
 - `dic`: Digital image correlation of two images on a grid of points or at given ones.
 - `sequence`: Correlation of a series of images with one reference, or with references that follow
   it.
+- `gauge_filter`: Subset and strain window as one linear filter: what it does to noise and to waves.
 - `strain`: Strain of measured displacements: a polynomial fitted over a window around each point.
 - `virtual_gauges`: What an extensometer and a strain gauge would read, from displacements of a few
   subsets.

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 Window = Literal["square", "round"]
 
-# sum of squares of the slope filter: spline coefficients of an impulse, read by quintic_slopes(0)
+# sum of squares of the slope filter: an impulse's `SplineImage.pixel_gradients`
 SLOPE_NOISE = 1.89396
 MIN_BLUR = 0.5  # px: it takes noise off the slopes
 MIN_SHARE = 1e-3  # of the slopes' energy that a second blur leaves

@@ -21,6 +21,7 @@ import numpy as np
 from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.ragged import batches, expand
 from gpusim.arrays.unique import distinct
+from gpusim.mesh.polygons import unit_normals
 from gpusim.optics.geometry.view import View
 from gpusim.surface.surface import Surface
 
@@ -98,14 +99,12 @@ def _pairs(triangles_a: Float, triangles_b: Float, low: Float, high: Float) -> t
 def _sections(cutters: Float, crossed: Float) -> tuple[Long, Float]:
     """Which pairs of triangles (n, 3, 3) cut each other, and the segments (S, 2, 3) in which they
     do."""
-    normal = np.cross(cutters[:, 1] - cutters[:, 0], cutters[:, 2] - cutters[:, 0])
-    length = np.linalg.norm(normal, axis=1)
-    normal = normal / np.where(length > 0.0, length, 1.0)[:, None]
+    normal = unit_normals(cutters)
     height = np.einsum("nvd,nd->nv", crossed - cutters[:, :1], normal)
     flat = PLANE_TOLERANCE * np.abs(np.concatenate([cutters, crossed], axis=1)).max(
         axis=(1, 2), initial=0.0
     )
-    cuts = (height.min(axis=1) < -flat) & (height.max(axis=1) > flat) & (length > 0.0)
+    cuts = (height.min(axis=1) < -flat) & (height.max(axis=1) > flat)
     cutters, crossed, normal, height = cutters[cuts], crossed[cuts], normal[cuts], height[cuts]
     # the corner alone on its side, then the ways from it to the other two
     above = height > 0.0
@@ -180,16 +179,15 @@ class Discontinuities:
         kept = kept[np.argsort(parted[kept], kind="stable")]
         if not len(kept):
             return None
-        a, b, c = np.moveaxis(corners[cutting[kept]], 1, 0)
-        normal = np.cross(b - a, c - a)
-        normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
-        offset = -np.sum(normal * a, axis=1)
+        own = corners[cutting[kept]]
+        normal = unit_normals(own)
+        offset = -np.sum(normal * own[:, 0], axis=1)
         planes = np.column_stack([normal, offset]) * np.where(offset < 0.0, -1.0, 1.0)[:, None]
         first = np.searchsorted(parted[kept], np.arange(view.count + 1))
         ends = segments[kept]
         way = ends[:, 1] - ends[:, 0]
         way /= np.maximum(np.linalg.norm(way, axis=1), 1e-300)[:, None]
-        place = np.stack([np.sum(corner * way, axis=1) for corner in (a, b, c)])
+        place = np.stack([np.sum(own[:, k] * way, axis=1) for k in range(3)])
         return Discontinuities(
             first, ends.min(axis=1), ends.max(axis=1), planes,
             np.column_stack([way, -place.min(axis=0)]), np.ptp(place, axis=0),

@@ -1,6 +1,6 @@
 """Lights, in radiometric units; `gpusim.optics.light.quadrature` turns them into what is summed up.
 
-Power is radiant flux in W. Photometric data are converted by `watts`: 683 lm/W at 555 nm, which is
+Power is radiant flux in W. Photometric data are divided by `LUMENS_PER_WATT`, at 555 nm, which is
 exact for monochromatic green light and a matter of definition for everything else.
 
 Light of a colour has a mean of 1 over red, green and blue: power, irradiance and radiance are what
@@ -43,11 +43,6 @@ Size = Annotated[
 LUMENS_PER_WATT = 683.0
 SUN_DIAMETER = 9.3e-3
 """rad; the sun seen from the Earth."""
-
-
-def watts(lumens: float) -> float:
-    """Luminous flux (lm) as radiant flux (W) at 555 nm, where 683 lm are one watt."""
-    return lumens / LUMENS_PER_WATT
 
 
 def _check_aim(what: str, position: Vector, target: Vector) -> None:

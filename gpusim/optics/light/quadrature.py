@@ -217,17 +217,6 @@ def _points_across(ratio: float, lobes: float) -> int:
     return MOST_ACROSS
 
 
-def irradiance(table: Float, points: Float, normals: Float) -> Float:
-    """Irradiance (N, E) in W per square unit from every emitter at points (N, 3), normals (N, 3).
-
-    It is zero where the emitter is below the face's horizon.
-    """
-    result = np.zeros((len(points), len(table)))
-    for k, row in enumerate(table):
-        result[:, k] = emitter_light(row, points, normals)[0]
-    return result
-
-
 def emitter_light(row: Float, points: Float, normals: Float) -> tuple[Float, Float, Float]:
     """Of one emitter: irradiance (N,), unit directions to it (N, 3), cosine of incidence (N,)."""
     near = row[8]

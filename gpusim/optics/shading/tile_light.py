@@ -18,6 +18,7 @@ from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.ragged import expand
 from gpusim.gpu import Recording
 from gpusim.gpu.texture_array import Texels
+from gpusim.mesh.polygons import unit_normals
 from gpusim.optics.camera.undistortion_table import distortion_map
 from gpusim.optics.geometry.triangle_corners import NORMAL, corner_range
 from gpusim.optics.geometry.view import View
@@ -144,10 +145,8 @@ def _smooth(view: View, lighting: Lighting, triangles: Long, tolerance: float) -
 def _in_plane(view: View, first: np.int64, triangles: Long) -> Bool:
     """Which triangles lie in the plane of the first one and have its normal."""
     corners, one = view.corners_of(triangles), view.corners_of(np.array([first]))[0]
-    a, b, c = one[:, :3]
-    normal = np.cross(b - a, c - a)
-    normal /= np.linalg.norm(normal)
-    off = np.abs((corners[:, :, :3] - a) @ normal)
+    (normal,) = unit_normals(one[None, :, :3])
+    off = np.abs((corners[:, :, :3] - one[0, :3]) @ normal)
     far = np.linalg.norm(corners[:, :, :3], axis=2)
     alike = np.abs(corners[:, 0, NORMAL] - one[0, NORMAL]).max(axis=1)
     return np.asarray((off <= PLANE_TOLERANCE * far).all(axis=1) & (alike <= 1e-9))

@@ -22,6 +22,7 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long, Single
 from gpusim.gpu import Bound, Device, Recording, Texels, Uniform
+from gpusim.mesh.polygons import unit_normals
 from gpusim.optics.geometry.triangle_corners import CHUNK, parts
 from gpusim.optics.shadow.light_space import ANGLE, UNLIMITED, LightSpace
 from gpusim.surface.surface import Surface
@@ -263,10 +264,7 @@ class _Tree:
 
 def planes_of(corners: Float) -> Float:
     """(T, 4): unit normals, zero of what has no area, and offsets of triangles (T, 3, 3)."""
-    a, b, c = (corners[:, k] for k in range(3))
-    normal = np.cross(b - a, c - a)
-    size = np.linalg.norm(normal, axis=1)
-    normal /= np.where(size > 0.0, size, 1.0)[:, None]
+    normal = unit_normals(corners)
     return np.column_stack([normal, np.sum(normal * corners.mean(axis=1), axis=1)])
 
 

@@ -159,8 +159,8 @@ _REST = "rest"
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What became of one measurement. Kinds add fields (arrays, texts, numbers, tuples) and say
-    more of it."""
+    """What became of one measurement. Kinds add fields (arrays, mappings of equally large arrays by
+    name, texts, numbers, tuples) and say more of it."""
 
     name: str
     table: PointTable
@@ -195,6 +195,8 @@ class Result:
         arrays, rest = dict(self.table.columns), dict[str, Any]()
         for item in fields(self)[2:]:
             value = getattr(self, item.name)
+            if isinstance(value, Mapping):  # the names go with the texts, its arrays as one
+                rest[item.name], value = [*value], np.array([*value.values()])
             (arrays if isinstance(value, np.ndarray) else rest)[item.name] = value
         table = [self.table.what, self.table.frames, self.table.points, [*self.table.columns]]
         arrays[_REST] = np.array(json.dumps([table, rest]))
@@ -223,4 +225,6 @@ def stored_table(file: InputFile) -> tuple[PointTable, dict[str, Any]]:
     (what, frames, points, columns), rest = json.loads(str(arrays.pop(_REST)))
     columns = {column: arrays.pop(column) for column in columns}
     rest = {key: tuple(v) if isinstance(v, list) else v for key, v in rest.items()}
+    for key in rest.keys() & arrays.keys():
+        rest[key] = dict(zip(rest[key], arrays.pop(key), strict=True))
     return PointTable(what, tuple(frames), tuple(points), columns), rest | arrays

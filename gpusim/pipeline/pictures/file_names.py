@@ -14,9 +14,9 @@ def image_name(scene: Scene, camera: str, frame: int, kind: str = "") -> str:
     return f"images/{camera}/{kind}{frame:04d}.{suffix}"
 
 
-def image_path(scene: Scene, out: Path, camera: str, frame: int, kind: str = "") -> Path:
+def image_path(scene: Scene, out: Path, camera: str, frame: int) -> Path:
     """Where it lies."""
-    return inside(out, image_name(scene, camera, frame, kind))
+    return inside(out, image_name(scene, camera, frame))
 
 
 def corners_name(picture: str) -> str:

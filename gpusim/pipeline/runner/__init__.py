@@ -10,6 +10,8 @@ In the order in which data passes:
   solution.
 - `variants`: Several states of one scene in one run, compared; and a run that failed, told.
 - `run`: A scene run into a folder: what `gpusim.run` and ``gpusim run`` do.
+- `effect_states`: A scene with and without each of its effects: the states that error budgets and
+  explanations of fields run and compare.
 - `error_budget`: The error budget: one scene imaged and measured with and without each effect.
-- `explanation`: Why measured fields differ from the truth: each source of error's part, as maps.
+- `explanation`: Why measured fields differ from the truth: the parts of the error, as maps.
 """

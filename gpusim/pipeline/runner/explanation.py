@@ -1,9 +1,7 @@
-"""Why measured fields differ from the truth: each source of error's part, as maps."""
+"""Why measured fields differ from the truth: the parts of the error, as maps."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from os import PathLike
 from typing import Any
@@ -15,17 +13,16 @@ from gpusim.files.output_folder import inside
 from gpusim.pipeline.measurements.dic.error_parts import ErrorParts, error_parts, remarks
 from gpusim.pipeline.measurements.results import PointTable, vector_columns
 from gpusim.pipeline.pictures.file_names import image_path
-from gpusim.pipeline.runner.error_budget import State, place_of, run_states, states_of_effects
+from gpusim.pipeline.runner.effect_states import EffectStates, check_comparable, documents_of_states
 from gpusim.pipeline.runner.execution import Execution
 from gpusim.pipeline.runner.scene_report import read_results
 from gpusim.pipeline.runner.stage_log import Progress
-from gpusim.report import Drawing, Explanation, Link, Report, write_report
+from gpusim.report import Drawing, Explanation, Link, Report
 from gpusim.report.field_maps import draw_error_parts
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.scene.description.table import name_and_unit
-from gpusim.scene.sources import active_sources, with_only, with_other_patterns
-from gpusim.validation import require
+from gpusim.scene.effects import active_effects, with_other_patterns
 
 FOLDER = "explain"
 KEPT = "distortion"
@@ -47,7 +44,7 @@ def explain(
     Raises
     ------
     InputError
-        No measure of type "dic", or variants.
+        No measure of type "dic", variants, or settings that each state would choose anew.
     GpusimError
         As `gpusim.run`, for any of the states.
 
@@ -59,34 +56,29 @@ def explain(
     gpusim.errors.InputError: explain: scene 'bar'; got 0 variants, 0 measures of type "dic"; ...
     """
     measures = [spec for spec in scene.measures if isinstance(spec, m.DicTable)]
-    where = f"explain: scene {scene.name!r}"
-    got = f'{len(scene.variants)} variants, {len(measures)} measures of type "dic"'
-    fits = bool(measures) and not scene.variants
-    require(fits, where, got, '[[measure]] of type "dic", no [[variant]] (or gpusim budget)')
-    # each state's pictures would choose other points
-    fixed = all(spec.settings is None for spec in measures)
-    require(fixed, where, 'settings = "best"', "the subset and the others that its report names")
+    where, kind = f"explain: scene {scene.name!r}", ' of type "dic"'
+    check_comparable(scene, where, measures, kind, " (or gpusim budget)")
     document = _with_true_cameras(scene.document)
-    effects = [name for name in active_sources(document) if name != KEPT]
-    states = dict(states_of_effects(document, effects, [KEPT]))
-    if with_other_patterns(document, 1) != document:
-        bare = with_only(document, [KEPT])
+    effects = [name for name in active_effects(document) if name != KEPT]
+    documents = dict(documents_of_states(document, effects, [KEPT]))
+    bare = documents["none", ""]
+    if with_other_patterns(bare, 1) != bare:
         for number, name in enumerate(PATTERNS, 1):
-            states["none", name] = with_other_patterns(bare, number)
-    execution = run_states(scene, out, FOLDER, states, backend, progress, draws=False)
-    report = execution.reports[""]
+            documents["none", name] = with_other_patterns(bare, number)
+    states = EffectStates(FOLDER, effects, documents)
+    execution = states.run(scene, out, backend, progress, draws=False)
+    places = "", *(states.place(*key) for key in documents)
+    explanations, links = [], [*execution.reports[""].links]
     for spec in measures:
-        found = _parts(execution, spec.name, effects, ("none", PATTERNS[0]) in states)
+        results: list[Any] = [
+            read_results(execution.decision, place, spec.name)[0] for place in places
+        ]
+        found = error_parts(results[0], dict(zip(documents, results[1:], strict=True)))
         path = inside(execution.out, FOLDER, f"{safe_name(spec.name)}.csv")
         write_text(path, _table(found))
-        report = replace(
-            report,
-            explanations=(*report.explanations, _explanation(scene, execution, found)),
-            links=(*report.links, Link(f"Parts of the error of {spec.name}", path)),
-        )
-    write_report(report, execution.out)
-    execution.log.tell(FOLDER, 1.0, f"{len(states) + 1} states of {len(effects)} effects")
-    return report
+        explanations.append(_explanation(scene, execution, found))
+        links.append(Link(f"Parts of the error of {spec.name}", path))
+    return states.told(execution, explanations=tuple(explanations), links=tuple(links))
 
 
 def _with_true_cameras(document: dict[str, Any]) -> dict[str, Any]:
@@ -103,27 +95,13 @@ def _with_true_cameras(document: dict[str, Any]) -> dict[str, Any]:
     return result
 
 
-def _parts(execution: Execution, measure: str, effects: Sequence[str], redrawn: bool) -> ErrorParts:
-    """Of one measure."""
-
-    def read(place: str) -> Any:
-        (found,) = read_results(execution.decision, place, measure)
-        return found
-
-    def states(state: State, names: Sequence[str]) -> dict[str, Any]:
-        return {name: read(place_of(FOLDER, state, name)) for name in names}
-
-    others = states("none", PATTERNS if redrawn else ()).values()
-    none = read(place_of(FOLDER, "none", ""))
-    return error_parts(read(""), none, states("only", effects), states("no", effects), [*others])
-
-
 def _explanation(scene: Scene, execution: Execution, found: ErrorParts) -> Explanation:
     """Numbers, words and maps."""
     result = found.result
     return Explanation(
-        result.name, result.table.frames[-1], name_and_unit(result.displacements[0])[1],
-        found.sizes(), tuple(remarks(found)), _figures(scene, execution, found),
+        result.name, result.table.frames[-1],
+        {name: kind.unit for name, kind in found.kinds.items()}, found.sizes,
+        tuple(remarks(found)), _figures(scene, execution, found),
     )  # fmt: skip
 
 
@@ -140,21 +118,18 @@ def _table(found: ErrorParts) -> str:
 
 def _figures(scene: Scene, execution: Execution, found: ErrorParts) -> tuple[Drawing, ...]:
     """Maps of displacements and of strains."""
-    result, count = found.result, found.lengths
+    result = found.result
     picture = image_path(scene, execution.out, result.cameras[0], 0)
     points = np.stack([result.table[f"{axis}_px"][-1] for axis in "xy"], axis=1)
     maps = {"whole error": found.whole, **found.parts, "missing": found.missing}
-    units = [name_and_unit(name) for name in result.displacements]
-    kinds = {
-        "displacements": (slice(None, count), 1.0, [f"{name} ({unit})" for name, unit in units]),
-        "strains": (slice(count, None), 1e6, [f"{name} (1e-6)" for name in result.strains]),
-    }
+    names = [name_and_unit(name)[0] for name in (*result.displacements, *result.strains)]
     return tuple(
         partial(
             draw_error_parts, picture, points,
-            {name: factor * one[:, columns] for name, one in maps.items()}, titles,
+            {name: kind.factor * one[:, kind.columns] for name, one in maps.items()},
+            [f"{name} ({kind.unit})" for name in names[kind.columns]],
             f"{result.name}: parts of the error of {what}",
             inside(execution.out, "figures", f"{safe_name(result.name)}-parts-{what}.png"),
         )
-        for what, (columns, factor, titles) in kinds.items() if titles
+        for what, kind in found.kinds.items()
     )  # fmt: skip

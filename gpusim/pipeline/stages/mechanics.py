@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
@@ -139,18 +138,9 @@ class Stresses:
         except BaseException:
             self._source.close()
             raise
-        try:
-            rows = json.loads(str(self._stored["peaks"]))
-            self.peaks = tuple(
-                StressPeak(**{**row, "position": tuple(row["position"])}) for row in rows
-            )
-            """Of each body, in the last frame in which something has moved."""
-        except BaseException:
-            self.close()
-            raise
 
     def close(self) -> None:
-        """Let go of the file; `peaks` stay."""
+        """Let go of the file."""
         self._stored.close()
         self._source.close()
 
@@ -200,7 +190,6 @@ def write_stresses(
                 _store(archive, f"error{number}_{frame}", found.error_share)
             if moving:
                 peaks.append(_peak(parts, found, factor))
-        _store(archive, "peaks", np.array(json.dumps([asdict(peak) for peak in peaks])))
     return peaks
 
 

@@ -326,12 +326,12 @@ class PictureTable(PatternedTable):
         return self
 
 
-def not_by_uv(paints: tuple[Paint, ...], key: str = "paint") -> None:
+def not_by_uv(paints: tuple[Paint, ...]) -> None:
     """Refuse pictures by texture coordinates where there are none."""
     for number, paint in enumerate(paints):
         if isinstance(paint, PictureTable) and paint.mapping == "uv":
             wanted = "another, or a [[prop]] of an .obj, .glb or .gltf"
-            expected = f"{key}.{number}.mapping", "only a prop's file has texture coordinates"
+            expected = f"paint.{number}.mapping", "only a prop's file has texture coordinates"
             raise fault(*expected, Words("uv"), wanted)
 
 

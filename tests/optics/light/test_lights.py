@@ -14,7 +14,7 @@ from gpusim.gpu import Device
 from gpusim.optics.geometry.feature_edges import sharp_normals, smooth_normals
 from gpusim.optics.geometry.vertex_attributes import SurfaceNormals
 from gpusim.optics.light.lights import AmbientLight
-from gpusim.optics.light.quadrature import emitters, irradiance
+from gpusim.optics.light.quadrature import emitter_light, emitters
 from gpusim.optics.shading.lighting import ambient
 from gpusim.surface.surface import triangulate
 
@@ -42,6 +42,11 @@ def brute_force(lamp: gs.AreaLight, points: Array, normals: Array, n: int = 400)
         cosines = np.maximum(to @ normal, 0.0) * np.maximum(-(to @ axis), 0.0) / square
         result[i] = radiance * cell * np.sum(cosines / square)
     return result
+
+
+def irradiance(table: Array, points: Array, normals: Array) -> Array:
+    """Of every emitter (N, E)."""
+    return np.stack([emitter_light(row, points, normals)[0] for row in table], axis=1)
 
 
 @pytest.mark.parametrize("size", [(0.02, 0.03), (0.2, 0.1), (0.5, 0.7), (1.2, 0.9)])

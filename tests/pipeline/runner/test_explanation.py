@@ -50,10 +50,15 @@ def test_parts_add_up_to_the_error(nearer: tuple[gs.Report, Path]) -> None:
         "noise", "quantisation", "psf", "settings", "speckle", "matching", "missing",
         "measured less true",
     ]  # fmt: skip
-    missing, error = told.parts["missing"], told.parts["measured less true"]
-    assert missing[0] < 0.1 * error[0] and missing[2] < 0.1 * error[2]
-    assert sum(one[1] for one in told.parts.values()) == pytest.approx(200.0, abs=1e-9)
-    assert told.parts["noise"][2] > 3.0 * told.parts["quantisation"][2] > 0.0
+    assert told.units == {"displacements": "mm", "strains": "microstrain"}
+    for kind in told.units:
+        missing, error = (told.parts[one][kind] for one in ("missing", "measured less true"))
+        assert missing.rms_percent == pytest.approx(100.0 * missing.rms / error.rms)
+        assert missing.rms_percent < 10.0 and error.rms_percent == error.share_percent == 100.0
+        shares = [one[kind].share_percent for one in told.parts.values()]
+        assert sum(shares) == pytest.approx(200.0, abs=1e-9)
+    noise, steps = (told.parts[one]["strains"].rms for one in ("noise", "quantisation"))
+    assert noise > 3.0 * steps > 0.0
     columns = maps(out)
     for name in ("u_mm", "exx"):
         parts = sum(columns[f"{part.replace(' ', '-')}_{name}"] for part in [*told.parts][:-2])
@@ -80,6 +85,9 @@ def test_parts_of_the_projection_in_closed_form(nearer: tuple[gs.Report, Path]) 
     # Green-Lagrange, at the scale that is 1 % too large
     stretch = 1.01 * (1.0 + 1.0 / 199.0)
     assert strain == pytest.approx(0.5 * (stretch**2 - 1.01**2), rel=2e-2)
+    # it comes nearer, and w goes away from the camera
+    truth = FullFieldResult.read(nearer[1] / "measure", "field").table["true_w_mm"]
+    assert truth == pytest.approx(np.full_like(truth, -1.0), abs=1e-12)
     scale = columns["scale-and-perspective_u_mm"]
     assert scale[near] == pytest.approx(0.03, abs=1e-6)
 
@@ -88,12 +96,14 @@ def test_the_report_and_the_command_say_it(nearer: tuple[gs.Report, Path]) -> No
     report, out = nearer
     (told,) = report.explanations
     assert told.remarks[0].startswith("The largest part of the error of displacements is ")
-    shape = "A rigid motion of 3 mm reads as a stretch or tilt, by out-of-plane motion: up to 0."
+    # by 3 mm to the side and 1 mm to the camera
+    shape = "A rigid motion of 3.16 mm reads as a stretch or tilt, by out-of-plane motion: up to 0."
     assert any(text.startswith(shape) for text in told.remarks)
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "Why field differs from the truth" in page and "parts of the error of strains" in page
     stored = json.loads((out / "report.json").read_text(encoding="utf-8"))["explanations"]
-    assert stored[0]["parts"]["noise"] == pytest.approx(told.parts["noise"])
+    noise = stored[0]["parts"]["noise"]["strains"]
+    assert noise == pytest.approx(vars(told.parts["noise"]["strains"]))
     assert "figures" not in stored[0]
 
 
@@ -112,7 +122,7 @@ def test_a_wrong_principal_point_is_found(tmp_path: Path) -> None:
     file = str(tmp_path / "rig.yml")
     report = gs.explain(scene.replace("measure.field.calibration", file), tmp_path / "wrong")
     (told,) = report.explanations
-    assert told.parts["calibration"][1] > 95.0
+    assert told.parts["calibration"]["displacements"].share_percent > 95.0
     assert any(
         "A rigid motion of 5 mm reads as a parabola in U" in text and "by calibration" in text
         for text in told.remarks
@@ -127,12 +137,13 @@ def test_a_wrong_principal_point_is_found(tmp_path: Path) -> None:
     )
     names = [*found.displacements, *found.strains]
     difference = (found.values("measured", names) - exact.values("measured", names))[-1]
-    known = found.known_errors[found.known_names.index("calibration")]
+    known = found.geometric_errors["calibration"]
     both = np.isfinite(difference).all(axis=1) & np.isfinite(known).all(axis=1)
     assert both.sum() > 100
     spread = np.abs(known[both]).max(axis=0)
     assert (np.abs(difference - known)[both] < 0.1 * spread + ([1e-3] * 3 + [5e-5] * 3)).all()
-    assert exact.known_names == ("calibration",) and np.nanmax(np.abs(exact.known_errors)) < 1e-9
+    assert [*exact.geometric_errors] == ["calibration"] and exact.causes == {}
+    assert np.nanmax(np.abs(exact.geometric_errors["calibration"])) < 1e-9
 
 
 def test_what_cant_be_explained(tmp_path: Path) -> None:

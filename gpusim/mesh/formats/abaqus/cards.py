@@ -53,10 +53,10 @@ class Lines:
         return file, first + number - self.starts[piece]
 
 
-def join_lines(file: InputFile, expected: str) -> Lines:
+def join_lines(file: InputFile) -> Lines:
     """Raises InputError: a file can't be read or isn't text, or includes itself."""
     joined = Lines()
-    _join(file, joined, Includes(file, expected))
+    _join(file, joined, Includes(file, _EXPECTED))
     return joined
 
 
@@ -204,7 +204,7 @@ def read_cards(source: Source) -> list[Card]:
     first keyword, or includes itself.
     """
     file = read_input(source, _EXPECTED)
-    text = join_lines(file, _EXPECTED)
+    text = join_lines(file)
     _refuse_early_data(text)
     got = "a file without a line that starts with *"
     require(bool(text.keywords), f"{file.path}: no keyword found", got, _EXPECTED)

@@ -10,8 +10,8 @@ In the order in which data passes:
 - `result`: Displacements and strains at points over frames, measured and true: tables, files, what
   the report says.
 - `rig`: A pair of cameras as it was calibrated, by pictures or in a file, and as it really is.
-- `geometric_error`: What is read off places that are exactly right: errors of calibration, scale,
-  lens, and motion out of the plane.
+- `geometric_error`: Errors that are known without any matching: of calibration, scale, lens, and
+  motion out of the plane.
 - `field_columns`: Columns of a field's table: places, displacements and strains, measured, true and
   levelled.
 - `field_measurement`: What both ways of measuring a field share: from readings of frames to the

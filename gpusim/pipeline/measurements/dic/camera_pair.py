@@ -25,7 +25,7 @@ from gpusim.pipeline.measurements.dic.field_measurement import (
     span_a_surface,
     where_measured,
 )
-from gpusim.pipeline.measurements.dic.geometric_error import Reading, readings_of_pair
+from gpusim.pipeline.measurements.dic.geometric_error import GeometricErrors, errors_of_pair
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
 from gpusim.pipeline.measurements.dic.rig import Rig, calibrated_rig, rig_of
 from gpusim.pipeline.measurements.dic.true_field import TrueField, region_of_second_camera
@@ -75,16 +75,16 @@ class CameraPair(FieldMeasurement):
                 },
                 raw, rest,
             ))  # fmt: skip
-        last, exact = found[-1], dict[str, Reading]()
+        last, known = found[-1], GeometricErrors()
         if span_a_surface(last.points[last.ok]):
             after = [motion.pixels(material, name, self.frames[-1]) for name in spec.views]
             pixels = [
                 np.array([where_measured(last.ok, one) for one in each])
                 for each in ([view.points for view in views], after)
             ]
-            exact = readings_of_pair(rig_of(cameras), rig, pixels, place)
+            known = errors_of_pair(rig_of(cameras), rig, pixels, place, self.strain_through(last))
         axes = "+x", "+y", "+z"
-        return self.kept(views, found, readings, axes, levels[0], calibration_px, exact)
+        return self.kept(views, found, readings, axes, levels[0], calibration_px, known)
 
     def gauge_strain(self, found: measure.StereoResult, places: Float, moved: Float) -> Float:
         """In the surface."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -13,7 +13,7 @@ from gpusim import measure
 from gpusim.arrays.array_types import Bool, Float
 from gpusim.measure.correlation.subset_filter import FilteredField
 from gpusim.pipeline.measurements.dic.field_columns import strain_columns
-from gpusim.pipeline.measurements.dic.geometric_error import Reading, known_errors
+from gpusim.pipeline.measurements.dic.geometric_error import GeometricErrors, Reading, Strain
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
 from gpusim.pipeline.measurements.dic.true_field import TrueField
 from gpusim.pipeline.measurements.results import MM, Columns, PointTable
@@ -66,6 +66,10 @@ class FieldMeasurement:
         the windows of what was ``found``."""
         raise NotImplementedError
 
+    def strain_through(self, found: Any) -> Strain | None:
+        """`gauge_strain` of what was ``found``, if strains are measured."""
+        return None if self.spec.strain == "none" else partial(self.gauge_strain, found)
+
     def levelled(self, views: Sequence[TrueField]) -> list[FilteredField]:
         """The truth that each camera sees, as its subsets do."""
         return [
@@ -76,10 +80,9 @@ class FieldMeasurement:
     def kept(
         self, views: Sequence[TrueField], found: Sequence[Any], readings: Sequence[FrameReading],
         axes: tuple[str, ...], level: FilteredField, calibration_px: float,
-        exact: Mapping[str, Reading],
+        known: GeometricErrors,
     ) -> FullFieldResult:  # fmt: skip
-        """The result with the settings. ``exact``: what is read off exact places of the last frame,
-        as `geometric_error` has it."""
+        """The result with the settings; ``known``: in the last frame."""
         spec, count, table = self.spec, len(self.field.points), dict[int, Columns]()
         for frame, one, reading in zip(self.frames, found, readings, strict=True):
             columns = {**_places(views, frame, one.status), **reading.columns}
@@ -89,15 +92,13 @@ class FieldMeasurement:
                 )
                 columns |= strain_columns(measured, reading.true, levelled)
             table[frame] = columns | dict(reading.uncertainty)
-        strain = None if spec.strain == "none" else partial(self.gauge_strain, found[-1])
-        known = known_errors(exact, strain)
         names = [f"p{number:0{len(str(count))}d}" for number in range(1, count + 1)]
         keys = "subset_px step_px shape strain strain_window blur_px formats"
         settings: dict[str, Any] = {key: getattr(spec, key) for key in keys.split()}
         return FullFieldResult(
             spec.name, PointTable.of("point", names, table), spec.views, axes, **settings,
             pixel_mm=MM * self.field.resolution(), calibration_px=float(calibration_px),
-            known_names=tuple(known), known_errors=np.array([*known.values()]),
+            geometric_errors=known.parts, causes=known.causes,
             raw_px=np.array([one.raw_px for one in readings]),
             rest_px=np.array([one.rest_px for one in readings]),
             slope=level.slope, contrast=level.contrast, spread=level.spread,

@@ -1,14 +1,16 @@
-"""What is read off places that are exactly right: errors of calibration, scale, lens, and motion
-out of the plane.
+"""Errors that are known without any matching: of calibration, scale, lens, and motion out of the
+plane.
 
 A *reading* is what a measurement would make of points if matching found them where they really are
-in the pictures. Readings that have one fault after the other differ by what this fault does.
+in the pictures. A part of the error is the difference of two readings; what alone makes a reading
+differ from the truth is a cause.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -19,56 +21,77 @@ from gpusim.pipeline.measurements.dic.field_columns import strain_components
 from gpusim.pipeline.measurements.dic.rig import Rig
 from gpusim.pipeline.measurements.results import MM
 
-CALIBRATION, CAUSE = "calibration", "calibration: "
-"""Name of an error, and how names of those begin that are its causes."""
+CALIBRATION = "calibration"
 ROUNDING = 1e-9
 """mm, over all points."""
 Reading = tuple[Float, Float]
 """Places (M, K) mm, and displacements (M, K) mm."""
+Strain = Callable[[Float, Float], Float]
+"""Strains (M, 2, 2) of places and displacements."""
 
 
-def readings_of_one(
+@dataclass(frozen=True)
+class GeometricErrors:
+    """Errors (M, Q) of displacements and strains that no match has made: ``parts``, which add up,
+    and what each of the ``causes`` of the part "calibration" does alone."""
+
+    parts: Mapping[str, Float] = field(default_factory=dict)
+    causes: Mapping[str, Float] = field(default_factory=dict)
+
+
+def errors_of_one(
     camera: Camera, position: Float, moved: Float, mapping: Callable[[Float], Float], axes: Float,
-    on_plane: bool,
-) -> dict[str, Reading]:  # fmt: skip
-    """What one ``camera`` reads of points at a ``position`` that ``moved``, (M, 3) m: the truth,
-    then with one fault more each.
+    on_plane: bool, strain: Strain | None,
+) -> GeometricErrors:  # fmt: skip
+    """What makes the reading of one ``camera`` wrong, of points at a ``position`` that ``moved``,
+    (M, 3) m.
 
     ``mapping``: of its pixels to mm along ``axes`` (2, 3); ``on_plane``: it undoes the lens.
     """
-    within = moved @ axes.T @ axes
+
+    def read(lens: Camera, motion: Float) -> Float:
+        before, after = (mapping(lens.project(position + s)) for s in (0.0 * motion, motion))
+        return _values((before, after - before), strain)
+
     ideal = camera if on_plane else camera.without_distortion()
-
-    def read(lens: Camera, shift: Float) -> Reading:
-        before, after = (mapping(lens.project(position + s)) for s in (0.0 * shift, shift))
-        return before, after - before
-
-    found = {
-        "truth": (MM * position @ axes.T, MM * moved @ axes.T),
-        CALIBRATION if on_plane else "scale and perspective": read(ideal, within),
+    readings = {
+        "truth": _values((MM * position @ axes.T, MM * moved @ axes.T), strain),
+        CALIBRATION if on_plane else "scale and perspective": read(ideal, moved @ axes.T @ axes),
         "out-of-plane motion": read(ideal, moved),
     }
-    return found if on_plane else found | {"distortion": read(camera, moved)}
+    if not on_plane:
+        readings["distortion"] = read(camera, moved)
+    steps = pairwise(readings.items())
+    return GeometricErrors({name: reading - before for (_, before), (name, reading) in steps})
 
 
-def readings_of_pair(
-    true: Rig, calibrated: Rig, seen: Sequence[Float], place: Float
-) -> dict[str, Reading]:
-    """What a pair reads of points ``seen`` (2, M, 2) px before and after they moved, laid on their
-    true ``place`` (M, 3) mm: by the ``true`` rig, by the ``calibrated`` one, and by the true one
-    with one wrong group of parameters."""
+def errors_of_pair(
+    true: Rig, calibrated: Rig, seen: Sequence[Float], place: Float, strain: Strain | None
+) -> GeometricErrors:
+    """What makes the reading of a pair wrong, of points ``seen`` (2, M, 2) px before and after they
+    moved, laid on their true ``place`` (M, 3) mm: the ``calibrated`` rig in place of the ``true``
+    one. Its causes are the groups of parameters, each wrong alone."""
 
-    def read(rig: Rig) -> Reading:
+    def read(rig: Rig) -> Float:
         before, after = (measure.triangulate(rig, pixels).points for pixels in seen)
         laid = measure.align(before, place)
-        return laid.apply(before), (after - before) @ laid.rotation.T
+        return _values((laid.apply(before), (after - before) @ laid.rotation.T), strain)
 
-    found = {"truth": read(true), CALIBRATION: read(calibrated)}
+    truth, causes = read(true), dict[str, Float]()
     for number in (0, 1):
         for name, changed in _wrong(true[number], calibrated[number]).items():
-            rig = (changed, true[1]) if number == 0 else (true[0], changed)
-            found[f"{CAUSE}{name}"] = read(rig)
-    return found
+            error = read((changed, true[1]) if number == 0 else (true[0], changed)) - truth
+            if np.nansum(np.abs(error)) > ROUNDING:
+                causes[name] = error
+    return GeometricErrors({CALIBRATION: read(calibrated) - truth}, causes)
+
+
+def _values(reading: Reading, strain: Strain | None) -> Float:
+    """Displacements and, if any are measured, strains, (M, Q)."""
+    places, moved = reading
+    if strain is None:
+        return moved
+    return np.column_stack([moved, strain_components(strain(places, moved))])
 
 
 def _wrong(
@@ -90,27 +113,3 @@ def _wrong(
         size = f"{np.degrees(off / np.sqrt(2.0)):.2g} deg" if name[0] == "o" else f"{off:.2g} mm"
         result[f"{name} {of}, off by {size}"] = replace(true, camera_from_rig=pose)
     return result
-
-
-def known_errors(
-    readings: Mapping[str, Reading], strain: Callable[[Float, Float], Float] | None
-) -> dict[str, Float]:
-    """What each fault adds to displacements and strains, (M, Q), by its name; `CAUSE`: what such
-    a part alone adds to the truth, if anything. ``strain`` (M, 2, 2): of places and displacements,
-    if any is measured."""
-    values = {
-        name: moved
-        if strain is None
-        else np.column_stack([moved, strain_components(strain(places, moved))])
-        for name, (places, moved) in readings.items()
-    }
-    errors = dict[str, Float]()
-    for name, now in values.items():
-        if name == "truth":
-            truth = before = now
-        elif name.startswith(CAUSE):
-            if np.nansum(np.abs(now - truth)) > ROUNDING:
-                errors[name] = now - truth
-        else:
-            errors[name], before = now - before, now
-    return errors

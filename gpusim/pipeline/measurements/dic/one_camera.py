@@ -25,7 +25,7 @@ from gpusim.pipeline.measurements.dic.field_measurement import (
     Moved,
     where_measured,
 )
-from gpusim.pipeline.measurements.dic.geometric_error import Reading, readings_of_one
+from gpusim.pipeline.measurements.dic.geometric_error import GeometricErrors, errors_of_one
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
 from gpusim.pipeline.measurements.dic.true_field import inverse_slopes
 from gpusim.pipeline.measurements.results import MM
@@ -62,15 +62,15 @@ class OneCamera(FieldMeasurement):
             for each in zip(self.frames, found, level.displacement, strict=True)
         ]
         scale, axes, calibration = self.scale, ("the picture's x", "the picture's y"), np.nan
-        exact: dict[str, Reading] = {}
+        known = GeometricErrors()
         if scale is not None:
             axes, calibration = scale.names, scale.calibration_px
-            exact = readings_of_one(
+            known = errors_of_one(
                 motion.camera(field.camera), motion.position(field.material, 0),
                 motion.displacement(field.material, self.frames[-1]), scale.mapping, scale.axes,
-                self.spec.plane_pose is not None,
+                self.spec.plane_pose is not None, self.strain_through(found[-1]),
             )  # fmt: skip
-        return self.kept([field], found, readings, axes, level, calibration, exact)
+        return self.kept([field], found, readings, axes, level, calibration, known)
 
     def _reading(self, frame: int, one: measure.DicResult, smooth: Float) -> FrameReading:
         field, scale, kind = self.field, self.scale, self.spec.strain
@@ -78,12 +78,14 @@ class OneCamera(FieldMeasurement):
         columns = compared_columns(("u_px", "v_px"), one.displacement, true, smooth)
         measured, levelled = (field.points, one.displacement), (field.points, smooth)
         if scale is not None:
-            moved = MM * field.motion.displacement(field.material, frame) @ scale.axes.T
+            motion = MM * field.motion.displacement(field.material, frame)
+            moved = motion @ scale.axes.T
             slow = moved + np.einsum("mij,mj->mi", scale.slope, smooth - true)
             places = MM * field.motion.position(field.material, 0) @ scale.axes.T
             mapped = measure.mapped(one, scale.mapping)
             columns = {
                 **columns,
+                "true_w_mm": motion @ np.cross(*scale.axes),
                 **compared_columns(("u_mm", "v_mm"), mapped.displacement, moved, slow),
                 "sigma_mm": mapped.sigma,
                 **shape_columns("xy", mapped.points, places),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -26,10 +27,10 @@ class PointFields(Result):
     (F, C, M, 2): what is left of them less the truth, and less the levelled truth, in each camera's
     picture. ``pixel_mm``: width of a pixel on the surface. ``slope``, ``contrast`` (M,) and
     ``spread`` (M, 2): of the subsets (`subset_filter.FilteredField`). ``calibration_px``: NaN
-    without one. ``known_errors`` (K, M, Q): what faults of these ``known_names`` do to
-    `displacements` and `strains` in the last frame, without any fault of the matches
-    (`geometric_error`). ``advice``: why these settings, if they were chosen from the picture, and
-    ``advice_png``: the file of a picture of what they were chosen from.
+    without one. ``geometric_errors``: parts (M, Q) by name of the error of `displacements` and
+    `strains` in the last frame that no match has made, and ``causes`` of the part "calibration" by
+    name, what each of them does alone. ``advice``: why these settings, if they were chosen from the
+    picture, and ``advice_png``: the file of a picture of what they were chosen from.
     """
 
     cameras: tuple[str, ...]
@@ -43,8 +44,8 @@ class PointFields(Result):
     formats: tuple[str, ...]
     pixel_mm: float
     calibration_px: float
-    known_names: tuple[str, ...]
-    known_errors: Float
+    geometric_errors: Mapping[str, Float]
+    causes: Mapping[str, Float]
     raw_px: Float
     rest_px: Float
     slope: Float

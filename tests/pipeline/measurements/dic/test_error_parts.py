@@ -15,10 +15,14 @@ from gpusim.pipeline.measurements.results import PointTable
 
 X, Y = (one.ravel() * 10.0 for one in np.meshgrid(np.arange(13.0), np.arange(9.0)))
 NAMES = ("u_mm", "v_mm", "exx", "eyy", "exy")
+Known = dict[str, Float]
 RANDOM = np.random.default_rng(7)
 
 
-def fields(error: Float, true: Float | float = 0.0, **known: Float) -> FullFieldResult:
+def fields(
+    error: Float, true: Float | float = 0.0, known: Known | None = None,
+    causes: Known | None = None,
+) -> FullFieldResult:  # fmt: skip
     """Measured with an ``error`` (M, 5); smoothing does nothing but 1e-5 mm to u."""
     real = np.broadcast_to(true, error.shape)
     smooth = np.array([1e-5, 0.0, 0.0, 0.0, 0.0])
@@ -33,7 +37,7 @@ def fields(error: Float, true: Float | float = 0.0, **known: Float) -> FullField
         "field", table, ("front",), ("+x", "+y"), subset_px=21, step_px=10, shape="affine",
         strain="hencky", strain_window=5, blur_px=0.0, formats=("csv",), pixel_mm=0.1,
         calibration_px=np.nan, raw_px=none, rest_px=none, slope=X, contrast=X, spread=none[0, 0],
-        known_names=tuple(known), known_errors=np.array([*known.values()]),
+        geometric_errors=known or {}, causes=causes or {},
     )  # fmt: skip
 
 
@@ -51,15 +55,14 @@ def test_effects_that_act_on_each_other_in_pairs_add_up() -> None:
         return fields(alone + sum(one for pair, one in pairs.items() if set(pair) <= present))
 
     every = set(own)
-    only, no = ({name: error(one(name)) for name in own} for one in (
-        lambda name: {name}, lambda name: every - {name}
-    ))  # fmt: skip
-    found = error_parts(error(every), error(set()), only, no)
+    states = {("only", name): error({name}) for name in own}
+    states |= {("no", name): error(every - {name}) for name in own}
+    found = error_parts(error(every), {("none", ""): error(set()), **states})
     assert np.abs(found.missing).max() < 1e-15
     expected = own["noise"] + 0.5 * pairs["noise", "psf"]
     assert found.parts["noise"] == pytest.approx(expected, abs=1e-15)
     assert found.parts["settings"][:, 0] == pytest.approx(1e-5, abs=1e-15)
-    shares = [found.size(one)[1] for one in found.parts.values()]
+    shares = [found.sizes[name]["displacements"].share_percent for name in found.parts]
     assert sum(shares) == pytest.approx(100.0, abs=1e-10)
     told = remarks(found)[-1]
     assert "but for 0.0 % of displacements and 0.0 % of strains" in told
@@ -70,8 +73,8 @@ def test_what_three_do_together_is_missing() -> None:
     together = random()
     names = {"noise", "psf", "light"}
     nothing = fields(0.0 * together)
-    found = error_parts(fields(together), nothing, dict.fromkeys(names, nothing),
-                        dict.fromkeys(names, nothing))  # fmt: skip
+    states = [("none", ""), *((state, name) for state in ("only", "no") for name in names)]
+    found = error_parts(fields(together), dict.fromkeys(states, nothing))
     # each takes all of it away and adds nothing alone: half of it three times
     assert found.missing == pytest.approx(
         -0.5 * together + [-1e-5, 0, 0, 0, 0] + [1e-5, 0, 0, 0, 0]
@@ -81,8 +84,9 @@ def test_what_three_do_together_is_missing() -> None:
 
 def test_patterns_are_told_from_what_all_of_them_have() -> None:
     always, drawn = random(), [random() for _ in range(3)]
-    one, *others = (fields(always + own) for own in drawn)
-    found = error_parts(one, one, {}, {}, others)
+    one, second, third = (fields(always + own) for own in drawn)
+    states = {("none", ""): one, ("none", "second"): second, ("none", "third"): third}
+    found = error_parts(one, states)
     assert found.parts["matching"] + found.parts["settings"] == pytest.approx(
         always + np.mean(drawn, axis=0), abs=1e-15
     )
@@ -96,20 +100,21 @@ def test_a_rigid_motion_that_reads_as_something_is_named() -> None:
     bent[:, 2] = 2e-6 * (X - 40.0)
     tilt[:, 1] = 1e-4 * X
     true = np.array([5.0, 0.0, 0.0, 0.0, 0.0])
-    cause = {"calibration: focal length of camera front": 0.7 * bent,
-             "calibration: distortion of camera front": 0.02 * bent}  # fmt: skip
-    found = error_parts(
-        fields(bent, true, calibration=bent, **cause), fields(0 * bent, true), {}, {}
-    )
+    causes = {"focal length of camera front": 0.7 * bent,
+              "distortion of camera front": 0.02 * bent}  # fmt: skip
+    one = fields(bent, true, {"calibration": bent}, causes)
+    found = error_parts(one, {("none", ""): fields(0 * bent, true)})
     words = remarks(found)
     assert words[0] == "The largest part of the error of displacements is calibration: 100 %."
     assert words[1].startswith("A rigid motion of 5 mm reads as a parabola in u, by calibration")
     assert "0.056 mm and 160 microstrain" in words[1]
     assert words[2] == "What calibration does comes from: focal length of camera front (+70 %)."
-    flat = error_parts(fields(tilt, true, calibration=tilt), fields(0 * tilt, true), {}, {})
+    one = fields(tilt, true, {"calibration": tilt})
+    flat = error_parts(one, {("none", ""): fields(0 * tilt, true)})
     assert "reads as a stretch or tilt, by calibration" in remarks(flat)[1]
     strained = true + np.array([0.0, 0.0, 1e-3, 0.0, 0.0])
-    real = error_parts(fields(bent, strained, calibration=bent), fields(0 * bent, strained), {}, {})
+    one = fields(bent, strained, {"calibration": bent})
+    real = error_parts(one, {("none", ""): fields(0 * bent, strained)})
     assert not any("rigid" in text for text in remarks(real))
 
 
@@ -117,8 +122,8 @@ def test_points_that_one_state_lost_count_nowhere() -> None:
     error = random()
     lost = error.copy()
     lost[3] = np.nan
-    found = error_parts(fields(error), fields(lost), {}, {})
+    found = error_parts(fields(error), {("none", ""): fields(lost)})
     assert np.isnan(found.whole[3]).all() and np.isnan(found.parts["matching"][3]).all()
-    assert np.isfinite(found.size(found.whole)).all()
+    assert all(np.isfinite(one.rms) for one in found.sizes["measured less true"].values())
     with pytest.raises(GpusimError, match="got no point in frame 1 that is found"):
-        error_parts(fields(error), fields(np.full_like(error, np.nan)), {}, {})
+        error_parts(fields(error), {("none", ""): fields(np.full_like(error, np.nan))})

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from gpusim import mesh
-from gpusim.applications.part_outline import PartOutline, part_outline
-from gpusim.errors import InputError
+from gpusim.cli.scene_templates import coarse_mesh
 from gpusim.export import write_stl, write_vtu
+from gpusim.mesh.part_outline import PartOutline, part_outline
 from tests.support.gmsh_meshes import Gmsh
 
 
@@ -22,7 +22,7 @@ def outline_of(folder: Path, build: Callable[[Any], object]) -> PartOutline:
         build(gmsh.model.occ)
         gmsh.model.occ.synchronize()
         gmsh.write(str(path))
-    return part_outline(path)
+    return part_outline(coarse_mesh(path))
 
 
 def test_a_plate_with_a_hole(tmp_path: Path) -> None:
@@ -95,11 +95,11 @@ def test_an_oblique_plate(tmp_path: Path) -> None:
 
 
 def test_meshes_and_stl_files(tmp_path: Path, checkout: Path) -> None:
-    lug = part_outline(checkout / "examples" / "lug.msh")
+    lug = part_outline(coarse_mesh(checkout / "examples" / "lug.msh"))
     assert {face.name for face in lug.faces} == {"clamp", "eye"}
     block = mesh.box(size=(60.0, 20.0, 10.0), divisions=(6, 2, 1))
     write_vtu(tmp_path / "block.vtu", block.points, block.cells)
-    plain = part_outline(tmp_path / "block.vtu")
+    plain = part_outline(coarse_mesh(tmp_path / "block.vtu"))
     assert plain.faces == ()
     assert plain.volume == pytest.approx(12e-6) and plain.skin == pytest.approx(4e-3)
     assert plain.broadside().name in ("-z", "+z")
@@ -108,16 +108,8 @@ def test_meshes_and_stl_files(tmp_path: Path, checkout: Path) -> None:
         pass  # skipped where Gmsh is missing
     # in mm, of metres
     write_stl(tmp_path / "block.stl", block.points / 1e3, mesh.boundary_faces(block).nodes)
-    stl = part_outline(tmp_path / "block.stl")
+    stl = part_outline(coarse_mesh(tmp_path / "block.stl"))
     assert {face.kind for face in stl.faces} == {
         f"plane that looks {sign}{axis}" for sign in "+-" for axis in "xyz"
     }
     assert stl.volume == pytest.approx(12e-6)
-
-
-def test_files_that_are_no_part(tmp_path: Path) -> None:
-    (tmp_path / "part.xyz").write_text("0 0 0", encoding="utf-8")
-    with pytest.raises(InputError, match=r"part\.xyz"):
-        part_outline(tmp_path / "part.xyz")
-    with pytest.raises(InputError, match=r"none\.msh"):
-        part_outline(tmp_path / "none.msh")

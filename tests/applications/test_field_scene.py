@@ -12,9 +12,9 @@ import numpy.typing as npt
 import pytest
 
 import gpusim as gs
+from gpusim.applications.field_scene import field_scene
 from gpusim.errors import InputError, SceneError
 from gpusim.export.images import read_image
-from gpusim.pipeline.field_scene import field_scene
 from gpusim.plan.plan import make_plan
 
 Array = npt.NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Effects switched off one by one, and what the budget makes of them."""
+"""Effects switched off one by one."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import InputError
-from gpusim.pipeline.runner.error_budget import run_budget
-from gpusim.scene.sources import (
-    SOURCES,
-    active_sources,
+from gpusim.pipeline.scene_objects.cameras import build_camera
+from gpusim.scene.effects import (
+    EFFECTS,
+    active_effects,
+    lenses_of_files,
     with_only,
     with_other_patterns,
-    without_sources,
+    without_effects,
 )
 from tests.support.shifted_plate import shifted_plate
 
@@ -46,28 +47,28 @@ def full(checkout: Path) -> gs.Scene:
 
 def test_every_effect_can_go_and_the_rest_stays(checkout: Path) -> None:
     document = full(checkout).document
-    assert active_sources(document) == tuple(SOURCES)
+    assert active_effects(document) == tuple(EFFECTS)
     before = copy.deepcopy(document)
-    for name in SOURCES:
-        left = without_sources(document, [name])
+    for name in EFFECTS:
+        left = without_effects(document, [name])
         gone = {"shadows", name} if name == "light" else {name}
-        assert active_sources(left) == tuple(one for one in SOURCES if one not in gone)
-        assert without_sources(left, [name]) == left
+        assert active_effects(left) == tuple(one for one in EFFECTS if one not in gone)
+        assert without_effects(left, [name]) == left
         gs.Scene.from_document(left)  # still a scene
         assert left["body"] == document["body"] and left["measure"] == document["measure"]
     assert document == before
     nothing = with_only(document, [])
-    assert active_sources(nothing) == () and nothing["sensor"]["bits"] == 16
+    assert active_effects(nothing) == () and nothing["sensor"]["bits"] == 16
 
 
 def test_only_some_effects(checkout: Path) -> None:
     scene = full(checkout)
     only = scene.with_effects(only=["noise", "distortion"])
-    assert active_sources(only.document) == ("noise", "distortion")
+    assert active_effects(only.document) == ("noise", "distortion")
     values = scene.sensor.values
     assert only.sensor.values == {key: values[key] for key in ("full_well", "read_noise")}
     shaded = scene.with_effects(only=["shadows"])  # shadows need the light that they keep away
-    assert active_sources(shaded.document) == ("shadows", "light")
+    assert active_effects(shaded.document) == ("shadows", "light")
     assert scene.with_effects() is scene
     with pytest.raises(InputError, match="did you mean distortion"):
         scene.with_effects(no=["distorsion"])
@@ -84,35 +85,36 @@ def test_other_drawings_of_random_patterns(checkout: Path) -> None:
     assert with_other_patterns(marked, 1) == marked
 
 
-def test_the_budget_of_noise(checkout: Path, tmp_path: Path) -> None:
-    changes = {"light": [], "sensor.bits": 16, "sensor.full_well_e": 800.0, "output.truth": []}
-    scene = gs.load_scene(checkout / "examples" / "cantilever.toml", changes)
-    report = run_budget(scene, tmp_path)
-    budget = report.budget
-    assert budget is not None and budget.sources == ("noise",)
-    names = [name for name, _ in budget.quantities]
-    assert names[0] == report.measurements[0].name and any("RMS" in name for name in names)
-    rms = next(k for k, name in enumerate(names) if "RMS" in name)
-    # one effect: alone and among all it is the same, and noise of 28 electrons outweighs the rest
-    assert budget.row("only", "noise").errors == pytest.approx(budget.row("all").errors, rel=1e-9)
-    assert budget.row("no", "noise").errors == pytest.approx(budget.row("none").errors, rel=1e-9)
-    assert budget.row("all").errors[rms] > 3.0 * budget.row("none").errors[rms]
-    assert '"budget": {' in (tmp_path / "report.json").read_text(encoding="utf-8")
-
-
 def test_a_raw_mosaic_is_no_effect_but_what_was_asked_for(checkout: Path) -> None:
     raw = {"sensor.bayer": "RGGB", "camera.0.white_balance": [2.0, 1.0, 1.5]}
     scene = gs.load_scene(checkout / "examples" / "cantilever.toml", raw)
-    assert "mosaic" not in active_sources(scene.document)
+    assert "mosaic" not in active_effects(scene.document)
     assert gs.Scene.from_document(with_only(scene.document, [])).sensor.bayer == "RGGB"
 
 
-def test_a_budget_needs_measures_and_effects(checkout: Path, tmp_path: Path) -> None:
-    path = checkout / "examples" / "cantilever.toml"
-    bare = gs.load_scene(path, {"light": [], "sensor.bits": 16})
-    with pytest.raises(InputError, match="none of the effects"):
-        run_budget(bare, tmp_path / "out")
-    unmeasured = gs.load_scene(path, {"measure": []})
-    with pytest.raises(InputError, match="0 measures"):
-        run_budget(unmeasured, tmp_path / "out")
-    assert not (tmp_path / "out").exists()
+def test_a_lens_that_a_calibration_file_undoes_stays(checkout: Path, tmp_path: Path) -> None:
+    lens = [-0.2, 0.05, 0.0, 0.0, 0.0]
+    pair = {"cameras": ["left", "right"], "calibration": "true"}
+    third = {"name": "third", "resolution_px": [20, 20], "pixel_um": 40.0, "focal_mm": 12.0,
+             "position_mm": [0.0, 0.0, 200.0], "target_mm": [0.0, 0.0, 0.0]}  # fmt: skip
+    changes = {f"camera.{name}.distortion": lens for name in ("left", "right")}
+    scene = shifted_plate((1.0, 0.0, 0.0), pair, **changes)
+    assert active_effects(scene.document) == ("distortion",)
+    assert lenses_of_files(scene.document) == {}
+    cameras = [build_camera(one) for one in scene.cameras]
+    gs.write_calibration(tmp_path / "rig.yml", cameras, "opencv", unit="mm")
+    read = scene.replace("measure.field.calibration", str(tmp_path / "rig.yml"))
+    assert lenses_of_files(read.document) == {"left": "field", "right": "field"}
+    assert active_effects(read.document) == ()
+    assert with_only(read.document, []) == read.document
+    expected = "measure.field.calibration=true"
+    with pytest.raises(InputError, match=rf"--no distortion.*'left'.*'field'.*{expected}"):
+        read.with_effects(no=["noise", "distortion"])
+    assert scene.with_effects(no=["distortion"]).cameras[0].distortion == ()
+    # a camera that no file tells of loses its lens, and so does one without any from a file
+    more = read.document
+    more["camera"].append({**third, "distortion": lens})
+    more["camera"][1]["distortion"] = []
+    assert lenses_of_files(more) == {"left": "field"}
+    left = without_effects(more, ["distortion"])["camera"]
+    assert [one["distortion"] for one in left] == [lens, [], []]

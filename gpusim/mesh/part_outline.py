@@ -1,4 +1,4 @@
-"""The outline of a part: its sizes and faces, and from where it is seen whole, for a first scene.
+"""The outline of a part: its sizes and faces, for a first scene.
 
 Faces are told apart as on a drawing: planes by where they look, round ones by axis and radius.
 """
@@ -7,18 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from gpusim import mesh
 from gpusim.arrays.array_types import Float
-from gpusim.files.input_file import read_input
-from gpusim.mesh.formats.cad import CAD_SUFFIXES
-from gpusim.mesh.formats.cad_cache import cached_cad_mesh
+from gpusim.mesh.boundary import Faces, boundary_faces
+from gpusim.mesh.mesh import Mesh
+from gpusim.mesh.selection import select_faces
 from gpusim.validation import by_number
 
-_COARSE, _ROUND = 1e3, 24  # m, and elements around a circle: few, so that a look is quick
 _ELEMENTS, _TETRAHEDRON = 40_000, 0.12  # so many of about this volume, if their edge is 1
 _FLAT, _CIRCULAR = 1e-6, 1e-3  # of normals; of a radius
 
@@ -79,39 +76,38 @@ class PartOutline:
         return max(along, key=lambda face: float(f"{face.area:.6g}"))
 
 
-def part_outline(path: Path) -> PartOutline:
-    """Of a CAD file, or of a mesh file whose coordinates are millimetres.
+def part_outline(mesh: Mesh) -> PartOutline:
+    """Of what a mesh fills (m), coarse as it may be.
 
-    Raises InputError for a file that can't be read or meshed, and where Gmsh is missing.
+    Examples
+    --------
+    >>> from gpusim.mesh.part_outline import part_outline
+    >>> part = part_outline(gs.mesh.box(size=(0.3, 0.2, 0.1), divisions=(1, 1, 1)))
+    >>> part.end(1).name, part.end(1).kind, round(part.broadside().area, 6)
+    ('x_max', 'plane that looks +x', 0.06)
     """
-    file, suffix = read_input(path, "a CAD or mesh file"), path.suffix.lower()
-    if suffix in CAD_SUFFIXES:
-        around = 0 if suffix == ".stl" else _ROUND
-        grid = cached_cad_mesh(file, size=_COARSE, curvature=around, scale=1e-3)
-    else:
-        grid = mesh.read_mesh(file, scale=1e-3)
-    skin = mesh.boundary_faces(grid)
-    low, high = grid.bounds
+    skin = boundary_faces(mesh)
+    low, high = mesh.bounds
     # the divergence theorem, about a point that is near
     volume = float(((skin.centroids - low) * skin.area_vectors).sum()) / 3.0
     named: dict[bytes, str] = {}
-    for name in by_number(grid.face_sets):  # by the file's own name, if it has one too
-        pairs = grid.face_sets[name].tobytes()
+    for name in by_number(mesh.face_sets):  # by the file's own name, if it has one too
+        pairs = mesh.face_sets[name].tobytes()
         if pairs not in named or named[pairs].startswith("face_"):
             named[pairs] = name
-    faces = (_face(name, mesh.select_faces(grid, name=name)) for name in named.values())
+    faces = (_face(name, select_faces(mesh, name=name)) for name in named.values())
     ordered = sorted(faces, key=lambda face: -face.area)
     return PartOutline(low, high, volume, float(skin.areas.sum()), tuple(ordered), (*_sides(skin),))
 
 
-def _sides(skin: mesh.Faces) -> Iterator[PartFace]:
+def _sides(skin: Faces) -> Iterator[PartFace]:
     for axis, name in enumerate("xyz"):
         for sign, word in ((-1.0, f"-{name}"), (1.0, f"+{name}")):
             looking = skin[sign * skin.normals[:, axis] > np.cos(np.deg2rad(30.0))]  # as `where`
             yield _face(word, looking, sign * np.eye(3)[axis])
 
 
-def _face(name: str, faces: mesh.Faces, normal: Float | None = None) -> PartFace:
+def _face(name: str, faces: Faces, normal: Float | None = None) -> PartFace:
     area = float(faces.areas.sum())
     centre = faces.areas @ faces.centroids / area if area else np.zeros(3)
     mean = faces.area_vectors.sum(axis=0) / area if area else np.zeros(3)

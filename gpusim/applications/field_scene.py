@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
@@ -13,13 +11,12 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.field import read_field
-from gpusim.mesh import boundary_faces
+from gpusim.mesh import Faces, boundary_faces
 from gpusim.optics.calibration.formats import read_calibration
 from gpusim.optics.camera.pinhole import Camera
+from gpusim.optics.camera.standpoint import Side, rig_before
 from gpusim.scene import Scene
 from gpusim.scene.description.table import FileUnit, metres
-from gpusim.surface import Skin
-from gpusim.surface.frames import face_normals
 from gpusim.validation import checked, positive, require_one_of
 
 PIXELS, PIXEL_UM, FOCAL_MM = (2448, 2048), 3.45, 35.0
@@ -31,8 +28,6 @@ _FLAT = 0.1
 """Share of the skin that faces one way, for a side to be one."""
 _AXIAL, _PLANE = np.cos(np.radians([30.0, 0.5]))
 """Up to which angles a face is of the side along an axis, and such a side is a plane."""
-_WEAK = 1e-6
-"""What the fallback counts beside axes that meet: those at 1 degree count 150 times as much."""
 _PREFERRED = np.array([1.0, -2.0, 3.0])
 """Of equal sides the upper one is looked at, else the front, else the right one."""
 _TRUTH = ["reference", "displacement", "depth", "flow", "region", "element", "visibility", "normal"]
@@ -80,27 +75,24 @@ def field_scene(
     require_one_of("field_scene: step", step, ("last", "all"))
     field = read_field(path, name=displacement, scale=metres(unit))
     times = sorted({field.start, *(field.times[-1:] if step == "last" else field.times).tolist()})
-    skin = Skin(field.mesh, boundary_faces(field.mesh))
-    rest = skin.at_vertices(field.mesh.points)
-    normals = face_normals(rest, skin.pieces)
-    normal = _largest_side(rest, normals)
-    axes = _axes(normal)
-    shown = ((rest + skin.at_vertices(field.at(time))) @ axes.T for time in times)
-    spans = np.array([(points.min(axis=0), points.max(axis=0)) for points in shown])
-    box = np.stack([spans[:, 0].min(axis=0), spans[:, 1].max(axis=0)])
-    cameras, tables = _lenses(camera, resolution, np.ptp(box, axis=0))
+    faces = boundary_faces(field.mesh)
+    normal, nodes = _largest_side(faces), faces.node_numbers()
+    up = np.eye(3)[1 if abs(normal[2]) > 0.9 else 2]
+    side = Side.of((field.mesh.points[nodes] + field.at(t)[nodes] for t in times), normal, up)
+    cameras, tables = _lenses(camera, resolution, side.size)
     if np.array_equal(cameras[0].camera_from_world, np.eye(4)):  # its frame isn't the body's
-        cameras = _placed(cameras, axes, box)
+        cameras = rig_before(side, cameras, _FILLED)
         for table, one in zip(tables, cameras, strict=True):
             _, down, forward = one.camera_from_world[:3, :3]
-            target = one.eye + _depth(one, axes, box) * forward
+            target = one.eye + one.to_camera(side.middle)[2] * forward
             table |= {"position_mm": _millimetres(one.eye), "target_mm": _millimetres(target),
-                      "up": (-down).tolist()}  # fmt: skip
+                      "up": (np.round(-down, 12) + 0.0).tolist()}  # fmt: skip
     first = cameras[0]
-    speckle = speckle_mm or 1e3 * _SPECKLE_PX * _depth(first, axes, box) / float(first.K[0, 0])
+    depth = float(first.to_camera(side.middle)[2])
+    speckle = speckle_mm or 1e3 * _SPECKLE_PX * depth / float(first.K[0, 0])
     speckle = float(f"{speckle:.4g}")
     paint = {"name": "speckle", "type": "speckle", "albedo": 0.9, "diameter_mm": speckle,
-             "softness_mm": speckle / 8, **_where(normal, normals)}  # fmt: skip
+             "softness_mm": speckle / 8, **_where(normal, faces)}  # fmt: skip
     given = {"file": str(Path(path).absolute()), "unit": unit}
     if displacement is not None:
         given["displacement"] = displacement
@@ -112,9 +104,10 @@ def field_scene(
     })  # fmt: skip
 
 
-def _largest_side(points: Float, normals: Float) -> Float:
+def _largest_side(faces: Faces) -> Float:
     """The direction (3,) that most of the skin faces; where it is curved, the middle of its box's
-    largest side does. ``normals`` (F, 3) are as long as the faces are large."""
+    largest side does."""
+    normals, points = faces.area_vectors, faces.points[faces.node_numbers()]
     areas = np.linalg.norm(normals, axis=1)
     ways = np.round(normals / np.maximum(areas, 1e-300)[:, None], 2) + 0.0
     group = np.unique(ways, axis=0, return_inverse=True)[1].ravel()
@@ -127,18 +120,10 @@ def _largest_side(points: Float, normals: Float) -> Float:
     return best
 
 
-def _axes(normal: Float) -> Float:
-    """(3, 3): right, down and forward of an upright camera that looks against a ``normal``."""
-    up = np.eye(3)[1 if abs(normal[2]) > 0.9 else 2]
-    right = np.cross(up, normal)
-    right /= np.linalg.norm(right)
-    return np.stack([right, np.cross(right, normal), -normal])
-
-
-def _where(normal: Float, normals: Float) -> dict[str, Any]:
+def _where(normal: Float, faces: Faces) -> dict[str, Any]:
     """Of a paint on the side that faces this way, if it is a plane along an axis, else on all
-    faces. ``normals`` as in `_largest_side`."""
-    axis = int(np.argmax(np.abs(normal)))
+    faces."""
+    axis, normals = int(np.argmax(np.abs(normal))), faces.area_vectors
     areas, sign = np.linalg.norm(normals, axis=1), np.sign(normal[axis])
     facing = sign * normals[:, axis] >= _AXIAL * areas
     if facing.any() and (normals[facing] @ normal >= _PLANE * areas[facing]).all():
@@ -164,31 +149,6 @@ def _lenses(
         {"name": _name(one.name, f"camera-{number}"), "resolution_px": [one.width, one.height],
          **lenses[number]} for number, one in enumerate(cameras)
     ]  # fmt: skip
-
-
-def _placed(cameras: Sequence[Camera], axes: Float, box: Float) -> list[Camera]:
-    """A rig before the side whose ``axes`` these are; ``box`` (2, 3) in them is what is shown. Its
-    middle comes where the cameras' axes come nearest to each other; if they are parallel, or one
-    alone, where the first one just has it in its picture."""
-    first, forward = cameras[0], np.array([one.camera_from_world[2, :3] for one in cameras])
-    eyes, z = np.array([one.eye for one in cameras]), forward.mean(axis=0)
-    share = np.ptp(box[:, :2], axis=0) / (first.width, first.height) / _FILLED
-    away = first.K[0, 0] * share.max() + 0.5 * np.ptp(box[:, 2])
-    across = np.eye(3) - forward[:, :, None] * forward[:, None, :]
-    right = (across @ eyes[:, :, None]).sum(axis=0)[:, 0] + _WEAK * (eyes.mean(axis=0) + away * z)
-    point = np.linalg.solve(across.sum(axis=0) + _WEAK * np.eye(3), right)
-    x = np.cross(np.sum([one.camera_from_world[1, :3] for one in cameras], axis=0), z)
-    x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
-    rig_from_world = np.eye(4)
-    rig_from_world[:3, :3] = turn = np.stack([x, np.cross(z, x), z]).T @ axes
-    rig_from_world[:3, 3] = point - turn @ (box.mean(axis=0) @ axes)
-    return [replace(one, camera_from_world=one.camera_from_world @ rig_from_world)
-            for one in cameras]  # fmt: skip
-
-
-def _depth(camera: Camera, axes: Float, box: Float) -> float:
-    """How far before a camera the middle of the box is."""
-    return float(camera.to_camera(box.mean(axis=0) @ axes)[2])
 
 
 def _millimetres(point: Float) -> list[float]:

@@ -1,6 +1,6 @@
 """Effects that make a measured number differ from the true one, switched off one by one.
 
-A source is a change of the scene's document: what has to go, so that the images don't have it.
+An effect is a change of the scene's document: what has to go, so that the images don't have it.
 Geometry, loads and the pixels' size stay as they are.
 """
 
@@ -34,7 +34,7 @@ _NOISE = dict.fromkeys(
 _MOSAIC = {"bayer": _GONE, "bayer_response": _GONE, "demosaic": _GONE, "exposure": "auto"}
 _DEPTH_OF_FIELD = ("f_number", "focus_distance_mm", "focal_mm", "positions")
 
-SOURCES: Mapping[str, Effect] = {
+EFFECTS: Mapping[str, Effect] = {
     "noise": Effect("shot, dark and read-out noise, pixels that differ, and the black level",
                     {_SENSOR: _NOISE, _OWN_SENSOR: _NOISE}),
     "quantisation": Effect("grey values in whole numbers", {_SENSOR: _FINE, _OWN_SENSOR: _FINE}),
@@ -46,7 +46,7 @@ SOURCES: Mapping[str, Effect] = {
                   {_LENS: {"psf": _GONE, "fill_factor": 1.0}}),
     "defocus": Effect("depth of field", {_LENS: dict.fromkeys(_DEPTH_OF_FIELD, _GONE)}),
     "vignetting": Effect("fall-off towards the corners", {_LENS: {"vignetting": _GONE}}),
-    "distortion": Effect("that of the lens, if it stands in the scene, not in a calibration file",
+    "distortion": Effect("that of the lens, of cameras that no calibration file tells of",
                          {_CAMERA: {"distortion": []}}),
     "motion": Effect("blur while the shutter is open", {_CAMERA: {"shutter": _GONE}}),
     "shadows": Effect("what surfaces hide of lamps and surroundings",
@@ -66,30 +66,43 @@ def _tables(document: Document, path: str) -> list[Document]:
     return here
 
 
-def active_sources(document: Mapping[str, Any]) -> tuple[str, ...]:
+def lenses_of_files(document: Mapping[str, Any]) -> dict[str, str]:
+    """Cameras whose distortion a measure's calibration file undoes, and the measure: it would undo
+    it as well where the pictures have none."""
+    of = {
+        camera: measure["name"]
+        for measure in document.get("measure", ())
+        if measure.get("calibration") not in (None, "true")
+        for camera in measure.get("cameras") or ()
+    }
+    bent = [one["name"] for one in document.get("camera", ()) if one.get("distortion")]
+    return {camera: of[camera] for camera in bent if camera in of}
+
+
+def active_effects(document: Mapping[str, Any]) -> tuple[str, ...]:
     """The effects that the scene has: those without which it would be another one."""
-    return tuple(name for name in SOURCES if _without(document, [name]) != document)
+    return tuple(name for name in EFFECTS if _without(document, [name]) != document)
 
 
-def without_sources(document: Mapping[str, Any], names: Sequence[str]) -> Document:
+def without_effects(document: Mapping[str, Any], names: Sequence[str]) -> Document:
     """The document without some effects.
 
     Raises
     ------
     InputError
-        A name that isn't one of `SOURCES`.
+        A name that isn't one of `EFFECTS`.
     """
-    check_sources(names, "--no")
+    check_effects(names, "--no")
     return _without(document, names)
 
 
 def with_only(document: Mapping[str, Any], names: Sequence[str]) -> Document:
     """The document with none of the effects but ``names``. Raises InputError as above."""
-    check_sources(names, "--only")
+    check_effects(names, "--only")
     # shadows are a part of the light: with the light goes what they fall on
     kept = {*names, "light"} if "shadows" in names else set(names)
     kept |= {"shadows"} if "light" in names else set()
-    return _without(document, [name for name in SOURCES if name not in kept])
+    return _without(document, [name for name in EFFECTS if name not in kept])
 
 
 def with_other_patterns(document: Mapping[str, Any], number: int) -> Document:
@@ -102,11 +115,11 @@ def with_other_patterns(document: Mapping[str, Any], number: int) -> Document:
     return result
 
 
-def check_sources(names: Iterable[str], option: str) -> None:
+def check_effects(names: Iterable[str], option: str) -> None:
     """Raise InputError for a name that isn't an effect."""
     for name in names:
-        expected = ", ".join(SOURCES) + nearest_name(name, SOURCES)
-        require(name in SOURCES, f"{option}: unknown effect", repr(name), expected)
+        expected = ", ".join(EFFECTS) + nearest_name(name, EFFECTS)
+        require(name in EFFECTS, f"{option}: unknown effect", repr(name), expected)
 
 
 def _without(document: Mapping[str, Any], names: Sequence[str]) -> Document:
@@ -118,8 +131,11 @@ def _without(document: Mapping[str, Any], names: Sequence[str]) -> Document:
             continue  # a raw one is a grey picture, whose channels nothing keeps apart
         if name == "light" and not result.get("light"):
             continue
-        for path, changes in SOURCES[name].changes.items():
+        kept = lenses_of_files(result) if name == "distortion" else {}
+        for path, changes in EFFECTS[name].changes.items():
             for table in _tables(result, path):
+                if table.get("name") in kept:
+                    continue
                 table |= {key: value for key, value in changes.items() if key in table}
                 for key in [key for key, value in table.items() if value is _GONE]:
                     del table[key]
