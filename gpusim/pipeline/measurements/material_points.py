@@ -90,15 +90,9 @@ class TrueMotion:
                 del self._surfaces[next(iter(self._surfaces))]
         return self._surfaces[frame]
 
-    @property
-    def starts_unloaded(self) -> bool:
-        """Whether no body has moved in frame 0."""
-        return all(shown.unloaded for shown in self.objects.frames[:1])
-
-    def unmoved(self, frame: int) -> bool:
+    def unmoved(self, frame: int | None) -> bool:
         """Whether everything stands in a frame where it does in frame 0."""
-        shown = self.objects.frames
-        return shown[frame] == shown[0] or all(
+        return all(
             np.array_equal(now.points, before.points)
             for now, before in zip(self.surfaces(frame), self.surfaces(0), strict=True)
         )

@@ -25,9 +25,6 @@ from gpusim.pipeline.measurements.region_of_interest import (
 from gpusim.pipeline.measurements.results import MM
 from gpusim.scene.description import model as m
 
-SURE_DIGITS = 6
-"""Of pixels."""
-
 
 @dataclass(frozen=True, eq=False)
 class PlacedSubsets:
@@ -59,11 +56,10 @@ class ReferencePicture:
         name, motion = self.spec.views[0], self.motion
         place = np.array(getattr(self.spec, f"{key}_mm")) / MM
         seen = motion.camera(name).project(place)
-        if motion.starts_unloaded:
+        if motion.unmoved(None):
             return seen
         material = motion.seen_at(name, seen.reshape(-1, 2), None)
-        # what is off by rounding alone must not go to another pixel
-        return np.round(motion.pixels(material, name, 0), SURE_DIGITS).reshape(seen.shape)
+        return motion.pixels(material, name, 0).reshape(seen.shape)
 
     def size(self, key: str, at: Float) -> Float:
         """(2,) px of a width and a height that are given in px, or in mm on the surface ``at``."""
