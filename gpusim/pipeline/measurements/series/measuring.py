@@ -72,9 +72,9 @@ class SeriesKind:
         region = picture.region(points)
         field = TrueField.of(picture.motion, spec.views[0], region, points)
         found = measured_at(field, dic, scene, sources)
-        followed = _Followed(subsets, field, found)
+        tracks = _SubsetTracks(subsets, field, found)
         frames = {
-            frame: self._columns(spec, followed, k) for k, frame in enumerate(found.table.frames)
+            frame: self._columns(spec, tracks, k) for k, frame in enumerate(found.table.frames)
         }
         names = (self.what,) if self.joined else subsets.names
         shown = subsets.middle if self.moves else np.arange(len(subsets.pixels))
@@ -84,22 +84,22 @@ class SeriesKind:
             points[shown], shift[shown],
         )  # fmt: skip
 
-    def _columns(self, spec: m.SeriesTable, followed: _Followed, k: int) -> Columns:
+    def _columns(self, spec: m.SeriesTable, tracks: _SubsetTracks, k: int) -> Columns:
         """Of the ``k``-th frame."""
-        subsets, table = followed.subsets, followed.table(k)
-        measured = dict(self.quantities(spec, followed.picture(k, "measured")))
-        true = dict(self.quantities(spec, followed.space(k)))
-        if followed.unit == "px":
-            seen = self.quantities(spec, followed.picture(k, "true"))
+        subsets, table = tracks.subsets, tracks.table(k)
+        measured = dict(self.quantities(spec, tracks.picture(k, "measured")))
+        true = dict(self.quantities(spec, tracks.space(k)))
+        if tracks.unit == "px":
+            seen = self.quantities(spec, tracks.picture(k, "true"))
             true |= {name: column for name, column in seen.items() if name.endswith("_px")}
         if self.moves:
-            moved = followed.found.displacements
+            moved = tracks.found.displacements
             own = [{one: table[f"{kind}_{one}"][subsets.middle] for one in moved}
                    for kind in ("measured", "true")]  # fmt: skip
             measured, true = own[0] | measured, own[1] | true
         row = 0 * subsets.place if self.joined else subsets.place
         columns = _status(table, row, np.isfinite(next(iter(measured.values()))))
-        columns |= followed.places(k, self.what == "place") if self.moves else {}
+        columns |= tracks.places(k, self.what == "place") if self.moves else {}
         for name, column in measured.items():
             columns |= {f"measured_{name}": column, f"true_{name}": true[name],
                         f"difference_{name}": column - true[name]}  # fmt: skip
@@ -115,7 +115,7 @@ class SeriesKind:
 
 
 @dataclass(frozen=True, eq=False)
-class _Followed:
+class _SubsetTracks:
     """``subsets`` as they were ``found`` in all frames, before other points of the ``field``."""
 
     subsets: PlacedSubsets
