@@ -8,7 +8,7 @@ own error, so the reference is kept as long as it does.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -90,8 +90,6 @@ def dic_sequence(
     >>> gs.measure.dic_sequence(before, images, **options)[-1].displacement.round(2) + 0.0
     array([[0.25, 0.  ]])
     """
-    require_one_of("update", update, ("never", "auto", "always"))
-    require(-1 <= update_zncc <= 1, "update_zncc", repr(update_zncc), "-1..1")
     if points is not None:
         places = check_points(points, "points")
     elif np.ndim(reference) in (2, 3):
@@ -101,27 +99,50 @@ def dic_sequence(
             f"reference: not one image; got shape {np.shape(reference)}; expected (H, W), or "
             "(H, W, 3) in colour"
         )
+    results: list[DicResult] = []
+    found = followed(
+        reference, images, places, update=update, update_zncc=update_zncc, subset=subset, mask=mask,
+        **options,
+    )  # fmt: skip
+    for number, result in enumerate(found):
+        results.append(result)
+        if progress is not None:
+            progress(number, result)
+        if not keep_results:
+            del results[:-1]
+    return results
+
+
+def followed(
+    reference: npt.NDArray[Any],
+    images: Iterable[npt.NDArray[Any]],
+    places: Float,
+    *,
+    update: Update = "never",
+    update_zncc: float = 0.9,
+    subset: int = 31,
+    mask: Bool | None = None,
+    **options: Any,
+) -> Iterator[DicResult]:
+    """What `dic_sequence` gives at ``places`` (M, 2), one result after the other."""
+    require_one_of("update", update, ("never", "auto", "always"))
+    require(-1 <= update_zncc <= 1, "update_zncc", repr(update_zncc), "-1..1")
     count = len(places)
     straight = np.tile(np.eye(2), (count, 1, 1))
     base = _Base(
         reference, places, np.arange(count), np.zeros((count, 2)), straight, np.zeros(count), mask
     )
-    results: list[DicResult] = []
+    total: DicResult | None = None
     last: tuple[npt.NDArray[Any], DicResult] | None = None  # the image before, from its base
-    for number, image in enumerate(images):
+    for image in images:
         guess = None if last is None else last[1]
         matched = _measured(base, image, guess, subset, options)
         if last is not None and _due(update, update_zncc, matched, last[1]):
             base = _moved(base, *last, mask, places)
             matched = _measured(base, image, None, subset, options)
-        total = _total(base, matched, places, results[-1] if results else None)
-        results.append(total)
+        total = _total(base, matched, places, total)
+        yield total
         last = image, matched
-        if progress is not None:
-            progress(number, total)
-        if not keep_results:
-            del results[:-1]
-    return results
 
 
 def _measured(
