@@ -20,6 +20,7 @@ from gpusim.applications.correlation_output import (
 )
 from gpusim.arrays.array_types import Bool
 from gpusim.errors import InputError
+from gpusim.export.calibrated_cameras import cameras_in_file
 from gpusim.export.correlation import FORMATS
 from gpusim.files.atomic_files import PathLike
 from gpusim.files.frame_source import Frames, FrameSource, read_frames
@@ -35,7 +36,6 @@ from gpusim.measure import (
     dic_sequence,
     lens_mapping,
     mapped,
-    rig_camera,
     stereo_dic,
     stereo_shape,
     strain,
@@ -43,7 +43,6 @@ from gpusim.measure import (
 )
 from gpusim.measure.correlation.strain import StrainKind
 from gpusim.measure.images import check_image
-from gpusim.optics.calibration.formats import read_calibration
 
 USUAL = CorrelationSettings()
 STRAINS = (*get_args(StrainKind), "none")
@@ -228,26 +227,9 @@ def _undistorted(result: DicResult, lens: CalibratedCamera) -> tuple[DicResult, 
 def _cameras(
     settings: CorrelationSettings, path: PathLike, shapes: Sequence[tuple[int, ...]], argument: str
 ) -> list[CalibratedCamera]:
-    """As many cameras from a calibration file as there are picture sizes; lengths in mm."""
-    cameras = read_calibration(path, (shapes[0][1], shapes[0][0]), settings.calibration_unit)
-    if len(cameras) < len(shapes):
-        raise InputError(
-            f"`{argument}`: {path}: got {len(cameras)} cameras; expected {len(shapes)}"
-        )
-    result = []
-    first = np.linalg.inv(cameras[0].camera_from_world)
-    for camera, shape in zip(cameras, shapes, strict=False):
-        if (camera.height, camera.width) != tuple(shape):
-            raise InputError(
-                f"`{argument}`: {path}: camera {camera.name!r} has {camera.width}x{camera.height} "
-                f"px; expected {shape[1]}x{shape[0]} as its pictures"
-            )
-        pose = camera.camera_from_world @ first
-        result.append(
-            rig_camera((camera.width, camera.height), camera.K, camera.distortion, pose[:3, :3],
-                       1000.0 * pose[:3, 3], camera.name)
-        )  # fmt: skip
-    return result
+    """The cameras of pictures of such ``shapes``, from a file."""
+    sizes = [(shape[1], shape[0]) for shape in shapes]
+    return cameras_in_file(f"`{argument}`: {path}", path, sizes, unit=settings.calibration_unit)
 
 
 def _alike(
