@@ -19,6 +19,7 @@ from gpusim.applications.correlation_output import (
     described,
 )
 from gpusim.arrays.array_types import Bool
+from gpusim.choices import StrainKind, SurfaceStrain
 from gpusim.errors import InputError
 from gpusim.export.calibrated_cameras import cameras_in_file
 from gpusim.export.correlation import FORMATS
@@ -41,12 +42,11 @@ from gpusim.measure import (
     strain,
     surface_strain,
 )
-from gpusim.measure.correlation.strain import StrainKind
 from gpusim.measure.images import check_image
 
 USUAL = CorrelationSettings()
 STRAINS = (*get_args(StrainKind), "none")
-SURFACE_STRAINS = ("green-lagrange", "hencky", "none")
+SURFACE_STRAINS = (*get_args(SurfaceStrain), "none")
 
 
 def _silent(stage: str, done: float, text: str) -> None:

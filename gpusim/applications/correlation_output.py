@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim._version import __version__
+from gpusim.choices import Shape, Start, StrainKind, Update
 from gpusim.export.correlation import write_correlation
 from gpusim.field_summary import field_summary
 from gpusim.files.atomic_files import PathLike, safe_name, write_text
@@ -20,10 +21,6 @@ from gpusim.files.frame_source import FrameSource
 from gpusim.files.output_folder import inside
 from gpusim.gpu import Device
 from gpusim.measure import DicResult, StereoResult, StrainResult
-from gpusim.measure.correlation.dic import Start
-from gpusim.measure.correlation.sequence import Update
-from gpusim.measure.correlation.strain import StrainKind
-from gpusim.measure.correlation.warp import Shape
 from gpusim.report.correlation import correlation_page, draw_maps, summary
 from gpusim.report.model import Figure
 from gpusim.validation import checked

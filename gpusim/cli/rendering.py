@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from gpusim.choices import LengthUnit
 from gpusim.cli.console import (
     BackendOption,
     Json,
@@ -23,7 +24,7 @@ from gpusim.cli.console import (
 from gpusim.errors import require
 from gpusim.files.output_folder import check_folder
 
-Unit = Annotated[Literal["m", "cm", "mm", "um", "in"], typer.Option(help="Of its lengths.")]
+Unit = Annotated[LengthUnit, typer.Option(help="Of its lengths.")]
 Step = Annotated[Literal["last", "all"], typer.Option(help="States that follow the first one.")]
 
 

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, TypeVar, get_args
 
 import numpy as np
 import numpy.typing as npt
 import scipy
 
 from gpusim.arrays.array_types import Bool, Float, Long
+from gpusim.choices import Update as Update
 from gpusim.errors import InputError
 from gpusim.measure.correlation.dic import dic, grid_points
 from gpusim.measure.correlation.matching import DicResult, Status
@@ -24,8 +25,7 @@ from gpusim.measure.images import check_points
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import require, require_one_of, unmasked
 
-Update = Literal["never", "auto", "always"]
-
+Result = TypeVar("Result")
 LOST = 0.03  # share of the points that may get lost before the reference is renewed
 
 
@@ -99,11 +99,20 @@ def dic_sequence(
             f"reference: not one image; got shape {np.shape(reference)}; expected (H, W), or "
             "(H, W, 3) in colour"
         )
-    results: list[DicResult] = []
     found = followed(
         reference, images, places, update=update, update_zncc=update_zncc, subset=subset, mask=mask,
         **options,
     )  # fmt: skip
+    return gathered(found, progress, keep_results)
+
+
+def gathered(
+    found: Iterable[Result],
+    progress: Callable[[int, Result], None] | None,
+    keep_results: bool = True,
+) -> list[Result]:
+    """All results, or the last one alone; ``progress`` is told of each as soon as it is there."""
+    results: list[Result] = []
     for number, result in enumerate(found):
         results.append(result)
         if progress is not None:
@@ -125,7 +134,7 @@ def followed(
     **options: Any,
 ) -> Iterator[DicResult]:
     """What `dic_sequence` gives at ``places`` (M, 2), one result after the other."""
-    require_one_of("update", update, ("never", "auto", "always"))
+    require_one_of("update", update, get_args(Update))
     require(-1 <= update_zncc <= 1, "update_zncc", repr(update_zncc), "-1..1")
     count = len(places)
     straight = np.tile(np.eye(2), (count, 1, 1))

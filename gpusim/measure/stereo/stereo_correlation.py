@@ -30,7 +30,7 @@ from gpusim.measure.correlation.matching import (
     noise_factor,
 )
 from gpusim.measure.correlation.pixel_mask import check_mask, masked_image, name_failures
-from gpusim.measure.correlation.sequence import Update, followed
+from gpusim.measure.correlation.sequence import Update, followed, gathered
 from gpusim.measure.correlation.warp import Shape
 from gpusim.measure.images import SplineImage
 from gpusim.measure.stereo.epipolar_matching import match_views, paired_epipolar_distance
@@ -200,8 +200,7 @@ def stereo_dic(
     lefts, rights : pairs of the following states, read one at a time.
     cameras, match_shape, epipolar_px, subset, step, roi, points, mask : as for ``stereo_shape``.
     mask_right : (H, W) bool, False = pixel of the right reference image that isn't followed.
-    progress : called with each pair's number and result.
-    shape, update, options : as for ``dic_sequence``, by which each camera is tracked in time.
+    shape, update, progress, options : as for ``dic_sequence``, by which each camera is tracked.
 
     Returns
     -------
@@ -242,12 +241,7 @@ def stereo_dic(
                 raise InputError("lefts, rights: got more images of one camera; expected pairs")
             yield _moved(cameras, begin, known, one, two, epipolar_px)
 
-    results: list[StereoResult] = []
-    for number, result in enumerate(moved() if known.size else (begin for _ in lefts)):
-        results.append(result)
-        if progress is not None:
-            progress(number, result)
-    return results
+    return gathered(moved() if known.size else (begin for _ in lefts), progress)
 
 
 def _moved(
