@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -21,7 +21,8 @@ from gpusim.files.frame_source import FrameSource
 from gpusim.files.output_folder import inside
 from gpusim.gpu import Device
 from gpusim.measure import DicResult, StereoResult, StrainResult
-from gpusim.report.correlation import correlation_page, draw_maps, summary
+from gpusim.report.correlation import correlation_report, draw_maps, summary
+from gpusim.report.html import FigureSet, render_html
 from gpusim.report.model import Figure
 from gpusim.validation import checked
 
@@ -128,7 +129,7 @@ class ResultWriter:
     results: list[Any] = field(default_factory=list)
     strains: list[StrainResult | None] = field(default_factory=list)
     rows: list[dict[str, Any]] = field(default_factory=list)
-    figures: list[tuple[str, Figure]] = field(default_factory=list)
+    figures: list[Figure] = field(default_factory=list)
     since: float = field(default_factory=time.perf_counter)
 
     def add(
@@ -152,7 +153,7 @@ class ResultWriter:
         taken = float(frames.times[number])
         self.rows.append(row if np.isnan(taken) else row | {"time_s": taken})
         names = [Path(name).name for name in files.values()]
-        self.figures.append((", ".join(names), figure))
+        self.figures.append(replace(figure, frame=", ".join(names)))
         self.files += [*tables, figure.path]
         if keep:
             self.results.append(result)
@@ -165,8 +166,9 @@ class ResultWriter:
         rows, settings, folder = self.rows, self.settings, self.folder
         report = {"schema": _SCHEMA, "version": __version__, "settings": settings, "images": rows,
                   "warnings": list(warnings)}  # fmt: skip
-        title = Path(settings["reference"]).name
-        page = correlation_page(title, rows, self.figures, settings, warnings)
+        tables = [path for path in self.files if path.suffix != ".png"]
+        shown = correlation_report(rows, settings, warnings, tables)
+        page = render_html(shown, FigureSet(other=tuple(self.figures)), folder)
         self.files += [
             write_text(inside(folder, "report.json"), json.dumps(report, indent=2) + "\n"),
             write_text(inside(folder, "report.html"), page),

@@ -1,4 +1,4 @@
-"""The summary of a correlation: numbers per image, maps over the picture, and a page with both."""
+"""The summary of a correlation: numbers per image, maps over the picture, and what a page says."""
 
 from __future__ import annotations
 
@@ -11,14 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim._version import __version__
 from gpusim.arrays.array_types import Float
 from gpusim.export.field_catalogue import field_maps
 from gpusim.files.atomic_files import PathLike
 from gpusim.measure import DicResult, Status, StereoResult, StrainResult
 from gpusim.report.field_maps import draw_panels
-from gpusim.report.html import page_template
-from gpusim.report.model import Figure
+from gpusim.report.model import Figure, Link, Report, Table
 from gpusim.report.style import BAD, axis_title
 from gpusim.report.text import number
 
@@ -29,7 +27,6 @@ _COLUMNS = {
     "image": "image",
     "time_s": "taken at (s)",
     "measured": "measured",
-    "points": "points",
     "u_mean": "mean u (px)",
     "v_mean": "mean v (px)",
     "motion_max": "most motion (px)",
@@ -46,6 +43,7 @@ _COLUMNS = {
     "seconds": "time (s)",
 }
 
+_CARDS = ("measured", "motion_max", "motion_max_mm", "sigma_median", "sigma_median_mm", "e1_max")
 _PICTURE = "Displacements in pixels of the reference image, x right, y down."
 _SPACE = (
     "Places and displacements in mm in the frame of the left camera: x right, y down, z forward."
@@ -87,38 +85,41 @@ def summary(
     return values | {"seconds": round(seconds, 3)}
 
 
-def correlation_page(
-    title: str,
+def correlation_report(
     rows: Sequence[Mapping[str, Any]],
-    figures: Sequence[tuple[str, Figure]],
     settings: Mapping[str, Any],
-    warnings: Sequence[str] = (),
-) -> str:
-    """One self-contained page of all images; raises InputError if a figure can't be read."""
-    keys = [key for key in _COLUMNS if any(key in row for row in rows)]
-    count = sum(row["measured"] for row in rows)
-    total = sum(row["points"] for row in rows)
-    return page_template("correlation.html.j2").render(
-        title=title,
-        version=__version__,
-        lead=f"{len(rows)} image{'s' if len(rows) != 1 else ''}, "
-        f"{count} of {total} points measured.",
-        names=[_COLUMNS[key] for key in keys],
-        rows=[[_cell(row.get(key)) for key in keys] for row in rows],
-        figures=figures,
-        warnings=warnings,
-        footer=_SPACE if any("W_mean" in row for row in rows) else _PICTURE,
-        settings=[
-            (key, f"{value:g}" if isinstance(value, float) else _cell(value))
-            for key, value in settings.items()
-        ],
+    warnings: Sequence[str],
+    tables: Sequence[Path],
+) -> Report:
+    """What the page says of all images, whose ``rows`` are as `summary` has them; ``tables``:
+    files that it names."""
+    names = {key: name for key, name in _COLUMNS.items() if any(key in row for row in rows)}
+    cells = [
+        [_cell(row.get(key)) for key in names]
+        for row in ({**one, "image": Path(one["image"]).name,
+                     "measured": f"{one['measured']} of {one['points']}"} for one in rows)
+    ]  # fmt: skip
+    last = dict(zip(names, cells[-1], strict=True))
+    facts = {key: f"{value:g}" if isinstance(value, float) else str(value)
+             for key, value in settings.items()}  # fmt: skip
+    return Report(
+        scene=Path(settings["reference"]).name,
+        adapter=facts.pop("adapter"),
+        version=facts.pop("version"),
+        status="done",
+        description=_SPACE if "W_mean" in names else _PICTURE,
+        warnings=tuple(warnings),
+        highlights={names[key]: (last[key], last["image"]) for key in _CARDS if key in names},
+        facts=facts,
+        tables=(Table("Images", tuple(names.values()), tuple(map(tuple, cells))),),
+        links=tuple(Link(path.name, path) for path in tables),
     )
 
 
 def _cell(value: Any) -> str:
-    if value is None:
-        return "-"
-    return number(value, DIGITS) if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return number(value, DIGITS)
+    return "\N{EN DASH}" if value is None else str(value)
 
 
 def _known(statistic: Callable[..., Any], values: Float, *options: float) -> float | None:
