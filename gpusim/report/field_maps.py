@@ -217,8 +217,9 @@ def _range(values: Float) -> tuple[float, float]:
     known = values[np.isfinite(values)]
     ends = np.quantile(known, [_SHOWN, 1.0 - _SHOWN]) if known.size else (0.0, 0.0)
     low, high = map(float, ends)
-    wide = high - low > 1e-12 * max(abs(low), abs(high), 1e-12)
-    return (low, high) if wide else (low - 0.5e-6, high + 0.5e-6)
+    most = max(abs(low), abs(high))
+    half = 0.0 if high - low > 1e-12 * max(most, 1e-12) else 0.5 * most or 0.5
+    return low - half, high + half
 
 
 def _draw_backdrop(axes: Axes, backdrop: Backdrop) -> None:
