@@ -14,7 +14,9 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from gpusim.applications.part_outline import part_outline
 from gpusim.arrays.array_types import Float
+from gpusim.errors import require
 from gpusim.files.atomic_files import write_bytes
+from gpusim.files.input_file import read_input
 from gpusim.printable import printable
 from gpusim.scene import load_scene
 from gpusim.scene.description.mesh import CAD_SUFFIXES
@@ -58,10 +60,18 @@ def scene_of_template(path: Path, output: Path) -> str:
     """The text of a template; the files that an example needs are copied beside the scene."""
     if path.parent == OWN:
         return _filled(path.name, output, rig=stereo_rig(_PLATE[0], _PLATE[1], np.eye(3)[2]))
+    new = {}
     for name, _ in load_scene(path).files:
         place = output.parent / Path(name).relative_to(path.parent)
+        content = Path(name).read_bytes()
         if not place.exists():
-            write_bytes(place, Path(name).read_bytes())
+            new[place] = content
+            continue
+        what, got = f"{place}: is there already, and not the template's", "another content"
+        same = read_input(place).data == content
+        require(same, what, got, f"another folder: -o NEW/{output.name}")
+    for place, content in new.items():
+        write_bytes(place, content)
     return path.read_text(encoding="utf-8").replace(f"examples/{path.name}", str(output))
 
 

@@ -114,9 +114,24 @@ def test_files_that_an_example_needs_come_along(cli: Run, tmp_path: Path) -> Non
     own = tmp_path / "lug.msh"
     assert cli("init", "lug").exit_code == 0
     assert own.stat().st_size > 10_000
+    assert cli("init", "lug", "-o", "again.toml").exit_code == 0  # it is the same
     own.write_bytes(b"mine")
-    assert cli("init", "lug", "-o", "other.toml").exit_code == 0
-    assert own.read_bytes() == b"mine"
+    for options in ([], ["--force"]):
+        result = cli("init", "lug", "-o", "other.toml", *options)
+        assert result.exit_code == 2
+        assert "lug.msh: is there already, and not the template's" in result.stderr
+        assert "expected another folder: -o NEW/other.toml" in result.stderr
+    assert own.read_bytes() == b"mine" and not (tmp_path / "other.toml").exists()
+    assert cli("init", "lug", "-o", "NEW/other.toml").exit_code == 0
+    assert planned(cli, "NEW/other.toml") == []
+
+
+@pytest.mark.parametrize("name", ["a\nb.toml", "a\x1b[31m.toml", "a\u202eb.toml"])
+def test_a_name_that_commands_the_terminal_is_refused(cli: Run, tmp_path: Path, name: str) -> None:
+    result = cli("init", "plate_with_hole", "-o", name)
+    assert result.exit_code == 2
+    assert "-o: control characters" in result.stderr and name not in result.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_name_that_is_neither_file_nor_template(cli: Run, tmp_path: Path) -> None:

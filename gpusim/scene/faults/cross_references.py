@@ -22,6 +22,7 @@ Found = list[tuple[Keys, Fault]]
 Names = dict[str, None]  # in their order, and quick to look up
 Item = tuple[int, dict[str, Any]]
 _BITS = 31  # of a truth layer
+_DICE = 10  # cameras in a file of DICe's
 _OF_TYPE = "measure of a "
 _SHADOWS = 32  # lamps that the renderer looks for shadows of
 _HINTS = 50  # faults whose nearest word is looked for, which takes a while where there are many
@@ -282,10 +283,16 @@ class _Checks:
     def outputs(self) -> None:
         """Cameras for those that are of cameras, and not more than they take."""
         output, cameras = self.document.get("output"), len(self.cameras)
-        layers = output.get("truth") if isinstance(output, Mapping) else None
-        if isinstance(output, Mapping) and output.get("calibration") and not cameras:
+        layers, formats = (
+            output.get(key) if isinstance(output, Mapping) else None
+            for key in ("truth", "calibration")
+        )
+        if formats and not cameras:
             got, wanted = Words("no camera"), "at least one [[camera]]"
             self.add(("output", "calibration"), "needs a camera", got, wanted)
+        if isinstance(formats, list) and "dice" in formats and cameras > _DICE:
+            got, wanted = Words(f"{cameras} cameras"), f"at most {_DICE}"
+            self.add(("output", "calibration"), '"dice" is a file of few cameras', got, wanted)
         if isinstance(layers, list) and "cameras" in layers and cameras > _BITS:
             got, wanted = Words(f"{cameras} cameras"), f"at most {_BITS}"
             self.add(("output", "truth"), 'layer "cameras" has a bit per camera', got, wanted)
