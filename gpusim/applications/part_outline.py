@@ -10,16 +10,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from gpusim import mesh
 from gpusim.arrays.array_types import Float
 from gpusim.files.input_file import read_input
 from gpusim.mesh.formats.cad import CAD_SUFFIXES
 from gpusim.mesh.formats.cad_cache import cached_cad_mesh
-from gpusim.validation import by_number
+from gpusim.validation import by_number, require
 
 _COARSE, _ROUND = 1e3, 24  # m, and elements around a circle: few, so that a look is quick
 _ELEMENTS, _TETRAHEDRON = 40_000, 0.12  # so many of about this volume, if their edge is 1
+_SIDE = 0.8  # of what looks along an axis: a plane of that area is shown in its place
 _FLAT, _CIRCULAR = 1e-6, 1e-3  # of normals; of a radius
 
 
@@ -72,11 +75,12 @@ class PartOutline:
         return None
 
     def broadside(self) -> PartFace:
-        """The largest plane along the part, or the side to which more of it looks."""
+        """The largest plane along the part, or the side to which clearly more of it looks."""
         along = [face for face in (*self.faces, *self.sides)
                  if face.normal is not None and abs(face.normal[self.axis]) < 0.5]  # fmt: skip
-        # the same faces by a set and by their side are equal but for rounding: the set comes first
-        return max(along, key=lambda face: float(f"{face.area:.6g}"))
+        # a side takes what looks there of roundings and holes, too, which a set doesn't
+        weight = dict.fromkeys(self.faces, 1.0)
+        return max(along, key=lambda face: float(f"{face.area * weight.get(face, _SIDE):.6g}"))
 
 
 def part_outline(path: Path) -> PartOutline:
@@ -90,6 +94,8 @@ def part_outline(path: Path) -> PartOutline:
         grid = cached_cad_mesh(file, size=_COARSE, curvature=around, scale=1e-3)
     else:
         grid = mesh.read_mesh(file, scale=1e-3)
+    pieces, what = _pieces(grid), f"{path}: pieces that share no nodes"
+    require(pieces == 1, what, pieces, "one: join them, or make a file and a [[body]] of each")
     skin = mesh.boundary_faces(grid)
     low, high = grid.bounds
     # the divergence theorem, about a point that is near
@@ -102,6 +108,14 @@ def part_outline(path: Path) -> PartOutline:
     faces = (_face(name, mesh.select_faces(grid, name=name)) for name in named.values())
     ordered = sorted(faces, key=lambda face: -face.area)
     return PartOutline(low, high, volume, float(skin.areas.sum()), tuple(ordered), (*_sides(skin),))
+
+
+def _pieces(grid: mesh.Mesh) -> int:
+    """How many bodies its cells make, joined through the nodes that they share."""
+    ends = [np.broadcast_arrays(block[:, :1], block[:, 1:]) for _, _, block in grid.blocks()]
+    first, other = (np.concatenate([one[k].ravel() for one in ends]) for k in (0, 1))
+    links = coo_matrix((np.ones(len(first)), (first, other)), shape=(grid.node_count,) * 2)
+    return int(connected_components(links, directed=False)[0]) - len(grid.dangling_nodes)
 
 
 def _sides(skin: mesh.Faces) -> Iterator[PartFace]:

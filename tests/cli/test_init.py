@@ -284,6 +284,20 @@ def test_a_mesh_file_with_and_without_sets(cli: Run, tmp_path: Path, checkout: P
     assert planned(cli, "block.toml") == []
 
 
+def test_solids_that_touch_nowhere_are_refused(cli: Run, tmp_path: Path) -> None:
+    def build(apart: float) -> Callable[[Any], None]:
+        return lambda occ: [occ.addBox(x, 0, 0, 10, 10, 10) for x in (0, 10 + apart)]
+
+    write_step(tmp_path / "two.step", build(10))
+    result = cli("init", "two.step")
+    assert result.exit_code == 2
+    assert "two.step: pieces that share no nodes; got 2; expected one" in result.stderr
+    assert "[[body]]" in result.stderr and not (tmp_path / "scene.toml").exists()
+    write_step(tmp_path / "touching.step", build(0))
+    assert cli("init", "touching.step").exit_code == 0
+    assert planned(cli, "scene.toml") == []
+
+
 def test_without_gmsh_a_step_part_is_refused(
     cli: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
