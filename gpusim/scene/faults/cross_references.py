@@ -282,20 +282,18 @@ class _Checks:
 
     def outputs(self) -> None:
         """Cameras for those that are of cameras, and not more than they take."""
-        output, cameras = self.document.get("output"), len(self.cameras)
-        layers, formats = (
-            output.get(key) if isinstance(output, Mapping) else None
-            for key in ("truth", "calibration")
-        )
-        if formats and not cameras:
+        output, cameras = _table(self.document, "output") or {}, len(self.cameras)
+        if output.get("calibration") and not cameras:
             got, wanted = Words("no camera"), "at least one [[camera]]"
             self.add(("output", "calibration"), "needs a camera", got, wanted)
-        if isinstance(formats, list) and "dice" in formats and cameras > _DICE:
-            got, wanted = Words(f"{cameras} cameras"), f"at most {_DICE}"
-            self.add(("output", "calibration"), '"dice" is a file of few cameras', got, wanted)
-        if isinstance(layers, list) and "cameras" in layers and cameras > _BITS:
-            got, wanted = Words(f"{cameras} cameras"), f"at most {_BITS}"
-            self.add(("output", "truth"), 'layer "cameras" has a bit per camera', got, wanted)
+        for key, one, most, why in (
+            ("truth", "cameras", _BITS, 'layer "cameras" has a bit per camera'),
+            ("calibration", "dice", _DICE, '"dice" is a file of few cameras'),
+        ):
+            asked = output.get(key)
+            if isinstance(asked, list) and one in asked and cameras > most:
+                got, wanted = Words(f"{cameras} cameras"), f"at most {most}"
+                self.add(("output", key), why, got, wanted)
 
     def shadows(self) -> None:
         """Every lamp casts shadows unless it says that it doesn't; surroundings cast none."""
