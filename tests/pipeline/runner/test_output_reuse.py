@@ -89,22 +89,6 @@ def test_a_report_of_reused_results_says_the_same(tmp_path: Path) -> None:
     assert (tmp_path / "scene.toml").read_bytes() == scene_file
 
 
-def test_a_scene_file_that_somebody_has_edited_is_kept(tmp_path: Path) -> None:
-    path = tmp_path / "scene.toml"
-    gs.run(small_scene(), tmp_path, backend="numpy")
-    made = path.read_text(encoding="utf-8")
-    edits = [f"# mine\n{made}", made.replace("= 1", "=  1", 1), f"{made}# mine\n", "no scene", ""]
-    for number, text in enumerate(edits, 1):
-        path.write_text(text, encoding="utf-8")
-        with pytest.warns(UserWarning, match=f"scene.toml.*edited.*scene-{number}.toml"):
-            gs.run(small_scene(), tmp_path, backend="numpy")
-        assert (tmp_path / f"scene-{number}.toml").read_text(encoding="utf-8") == text
-        assert path.read_text(encoding="utf-8") == made
-    gs.run(small_scene(name="other"), tmp_path, backend="numpy")  # what wasn't edited goes
-    assert gs.load_scene(path).name == "other"
-    assert len(list(tmp_path.glob("scene*.toml"))) == 1 + len(edits)
-
-
 def edit(out: Path, change: Callable[[dict[str, Any]], None]) -> None:
     """Change what is recorded, with the right check of every line: as somebody would on purpose."""
     for path in (out / INNER).rglob("*.log"):
