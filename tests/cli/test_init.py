@@ -60,7 +60,7 @@ def corners_of(low: list[float], high: list[float]) -> np.ndarray:
                      for i in (0, 1) for j in (0, 1) for k in (0, 1)])  # fmt: skip
 
 
-def write_step(path: Path, build: Callable[[Any], None]) -> None:
+def write_step(path: Path, build: Callable[[Any], object]) -> None:
     with Gmsh() as gmsh:
         build(gmsh.model.occ)
         gmsh.model.occ.synchronize()
@@ -285,7 +285,7 @@ def test_a_mesh_file_with_and_without_sets(cli: Run, tmp_path: Path, checkout: P
 
 
 def test_solids_that_touch_nowhere_are_refused(cli: Run, tmp_path: Path) -> None:
-    def build(apart: float) -> Callable[[Any], None]:
+    def build(apart: float) -> Callable[[Any], object]:
         return lambda occ: [occ.addBox(x, 0, 0, 10, 10, 10) for x in (0, 10 + apart)]
 
     write_step(tmp_path / "two.step", build(10))

@@ -14,7 +14,7 @@ from gpusim.files.atomic_files import write_text
 from gpusim.files.input_file import read_input
 from gpusim.files.output_folder import inside
 
-_MARK = "# unless edited: checksum "
+_MARK = "# checksum of what is above: "
 
 
 def write_scene(folder: Path, text: str) -> None:
@@ -28,7 +28,7 @@ def write_scene(folder: Path, text: str) -> None:
         free = (inside(folder, f"scene-{number}.toml") for number in count(1))
         kept = next(one for one in free if not os.path.lexists(one))
         path.rename(kept)
-        warnings.warn(f"{path}: edited since a run wrote it, kept as {kept.name}", stacklevel=2)
+        warnings.warn(f"{path}: not as a run wrote it, kept as {kept.name}", stacklevel=2)
     write_text(path, _signed(text))
 
 

@@ -18,7 +18,7 @@ def test_a_scene_file_that_somebody_has_edited_is_kept(tmp_path: Path) -> None:
     edits = [f"# mine\n{made}", made.replace("= 1", "=  1", 1), f"{made}# mine\n", "no scene", ""]
     for number, text in enumerate(edits, 1):
         path.write_text(text, encoding="utf-8")
-        with pytest.warns(UserWarning, match=f"scene.toml.*edited.*scene-{number}.toml"):
+        with pytest.warns(UserWarning, match=f"scene.toml: .*, kept as scene-{number}.toml"):
             gs.run(small_scene(), tmp_path, backend="numpy")
         assert (tmp_path / f"scene-{number}.toml").read_text(encoding="utf-8") == text
         assert path.read_text(encoding="utf-8") == made
