@@ -12,6 +12,7 @@ docstrings take ``import gpusim as gs`` and ``import numpy as np`` for granted.
 Its parts, in the order in which they import each other:
 
 - `_version`: Where the version stands.
+- `choices`: What users choose from by a word: lenses, strains, shapes of subsets.
 - `errors`: Every error that is raised on purpose.
 - `validation`: Arguments of the Python API, checked before any work.
 - `interrupts`: Ctrl-C while a command starts, and at a window.

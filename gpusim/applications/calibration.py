@@ -18,19 +18,20 @@ import numpy.typing as npt
 from gpusim import measure
 from gpusim._version import __version__
 from gpusim.errors import InputError
+from gpusim.export.calibrated_cameras import scene_cameras
 from gpusim.field_summary import field_summary
-from gpusim.files.atomic_files import PathLike, atomic_path, write_text
+from gpusim.files.atomic_files import PathLike, write_text
 from gpusim.files.frame_source import Frames, FrameSource, picture_paths, read_frames
 from gpusim.files.output_folder import claim, inside
 from gpusim.measure.calibration.bundle_adjustment import LENSES
-from gpusim.optics.calibration.formats import COEFFICIENTS, FORMATS, write_calibration
-from gpusim.optics.camera.pinhole import Camera
+from gpusim.measure.targets.board_detection import find_board
+from gpusim.measure.targets.boards import Board
+from gpusim.optics.calibration.formats import COEFFICIENTS, FORMATS, calibration_text
 from gpusim.report import Link, Report, Table, write_report
 from gpusim.report.measurement_figures import RigCamera, draw_calibration
 from gpusim.validation import require_one_of
 
 Image = npt.NDArray[Any]
-Board = measure.Chessboard | measure.CharucoBoard
 
 
 @dataclass(frozen=True)
@@ -116,12 +117,13 @@ def calibrate_files(
         found = measure.calibrate(seen, lens=lens, square_pixels=square_pixels)
         content = _content(found, seen, frames, board)
         text = json.dumps(content, indent=1)
+        cameras = scene_cameras(found.cameras)
         files = [write_text(inside(folder, "calibration.json"), text + "\n")]
         for name in formats:
             path = inside(folder, f"calibration-{name}{FORMATS[name].ending}")
-            with atomic_path(path) as part:
-                write_calibration(part, _cameras(found), name, "mm" if name == "opencv" else None)
-            files.append(path)
+            files.append(
+                write_text(path, calibration_text(cameras, name, FORMATS[name].unit, path.name))
+            )
         report = _report(found, seen, missed, files, folder)
         paths = write_report(report, folder)
         files += [paths.json, paths.html, *paths.figures]
@@ -157,7 +159,7 @@ def _sightings(frames: FrameSource, board: Board) -> list[measure.Sighting]:
     """What each picture shows of the board. All are of one size, and the board isn't misread."""
     image, name = frames[0], Path(frames.names[0]).name
     shape = image.shape
-    first = _found(image, board)
+    first = find_board(image, board)
     if first.problem:
         _check_reading(name, image, board)
 
@@ -168,7 +170,7 @@ def _sightings(frames: FrameSource, board: Board) -> list[measure.Sighting]:
                 f"calibrate: {frames.names[number]}: got {image.shape[1]}x{image.shape[0]} px; "
                 f"expected {shape[1]}x{shape[0]} as {name}: pictures of one camera have one size"
             )
-        return _found(image, board)
+        return find_board(image, board)
 
     with ThreadPoolExecutor(max_workers=2) as pool:
         rest = [pool.submit(sighting, number) for number in range(1, len(frames))]
@@ -179,36 +181,18 @@ def _sightings(frames: FrameSource, board: Board) -> list[measure.Sighting]:
             raise
 
 
-def _found(image: npt.NDArray[Any], board: Board) -> measure.Sighting:
-    if isinstance(board, measure.CharucoBoard):
-        return measure.find_charuco(image, board)
-    return measure.find_chessboard(image, board)
-
-
 def _check_reading(name: str, image: npt.NDArray[Any], board: Board) -> None:
     """Refuse a board that counts inner corners, as OpenCV does, if the picture shows it so."""
     try:
         other = replace(board, columns=board.columns + 1, rows=board.rows + 1)
     except InputError:  # more markers than the dictionary has
         return
-    if not _found(image, other).problem:
+    if not find_board(image, other).problem:
         raise InputError(
             f"`board`: got {board.columns}x{board.rows}; {name} shows {other.columns}x{other.rows} "
             f"fields, which have {board.columns}x{board.rows} inner corners; expected fields: "
             f"`board` {other.columns}x{other.rows}"
         )
-
-
-def _cameras(found: measure.Calibration) -> list[Camera]:
-    """The rig with the first camera at the origin; lengths in metres."""
-    cameras = []
-    for own in found.cameras:
-        pose = own.camera_from_rig.copy()
-        pose[:3, 3] /= 1000.0
-        width, height = own.resolution
-        used = 14 if own.distortion[8:].any() else 8 if own.distortion[5:].any() else 5
-        cameras.append(Camera(width, height, own.K, own.distortion[:used], pose, own.name))
-    return cameras
 
 
 def _board_notes(board: Board) -> dict[str, Any]:

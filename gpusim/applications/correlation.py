@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
@@ -15,17 +14,20 @@ import numpy.typing as npt
 from gpusim.applications.correlation_output import (
     CorrelationOutput,
     CorrelationSettings,
+    Progress,
     ResultWriter,
     described,
 )
 from gpusim.arrays.array_types import Bool
+from gpusim.choices import StrainKind, SurfaceStrain
 from gpusim.errors import InputError
+from gpusim.export.calibrated_cameras import cameras_in_file
 from gpusim.export.correlation import FORMATS
 from gpusim.files.atomic_files import PathLike
 from gpusim.files.frame_source import Frames, FrameSource, read_frames
 from gpusim.files.output_folder import claim
 from gpusim.files.picture_file import picture_file, read_grey
-from gpusim.gpu import Device, working_device
+from gpusim.gpu import working_device
 from gpusim.measure import (
     CalibratedCamera,
     DicResult,
@@ -35,20 +37,16 @@ from gpusim.measure import (
     dic_sequence,
     lens_mapping,
     mapped,
-    rig_camera,
     stereo_dic,
     stereo_shape,
     strain,
     surface_strain,
 )
-from gpusim.measure.correlation.strain import StrainKind
 from gpusim.measure.images import check_image
-from gpusim.optics.calibration.formats import read_calibration
 
-Progress = Callable[[str, float, str], None]
 USUAL = CorrelationSettings()
 STRAINS = (*get_args(StrainKind), "none")
-SURFACE_STRAINS = ("green-lagrange", "hencky", "none")
+SURFACE_STRAINS = (*get_args(SurfaceStrain), "none")
 
 
 def _silent(stage: str, done: float, text: str) -> None:
@@ -101,35 +99,21 @@ def correlate_files(
         lens = None
         if settings.calibration is not None:
             (lens,) = _cameras(settings, settings.calibration, [first.shape], "calibration")
-        mask = read_mask(settings.mask, first.shape)
-        device = working_device("correlate", settings.backend)
-        notes = described(name, settings, device)
-        written = ResultWriter(Path(output), first, notes, settings.formats, keep_results)
-        clock = time.perf_counter()
-        progress("dic", 0.0, f"{len(frames)} images")
+        options, notes = _prepared(first, name, settings)
+        pictures = {"deformed": frames}
+        written = ResultWriter(Path(output), first, pictures, notes, settings.formats, progress)
 
         def keep(number: int, result: DicResult) -> None:
-            nonlocal clock
             found: StrainResult | None = None
             result, flat = (result, result) if lens is None else _undistorted(result, lens)
             if settings.strain != "none":
                 found = strain(flat, window=settings.strain_window, kind=settings.strain)
-            seconds = time.perf_counter() - clock
-            pictures = {"deformed": frames.names[number]}
-            text = written.add(pictures, result, found, seconds, frames.times[number])
-            progress("dic", (number + 1) / len(frames), f"{text} measured")
-            clock = time.perf_counter()
+            written.add(number, result, found, keep=keep_results)
 
-        dic_sequence(
-            first,
-            _alike(frames, first.shape, name),
-            roi=settings.roi,
-            mask=mask,
-            progress=keep,
-            keep_results=False,
-            **_motion_options(settings),
-            **_subset_options(settings, device),
-        )
+        progress("dic", 0.0, f"{len(frames)} images")
+        images = _alike(frames, first.shape, name)
+        motion = _motion_options(settings)
+        dic_sequence(first, images, progress=keep, keep_results=False, **options, **motion)
         return written.finished()
 
 
@@ -182,43 +166,43 @@ def correlate_pairs(
             )
         left, right = one[0], two[0]
         cameras = _cameras(settings, rig, [left.shape, right.shape], "rig")
-        mask = read_mask(settings.mask, left.shape)
-        device = working_device("correlate", settings.backend)
-        notes = described(one.names[0], settings, device) | {"stereo": str(rig)}
-        written = ResultWriter(Path(output), left, notes, settings.formats)
-        common = _subset_options(settings, device) | {"roi": settings.roi, "mask": mask}
-        clock = time.perf_counter()
-        progress("dic", 0.0, f"{len(one)} pairs")
-        if len(one) == 1:
-            results = [stereo_shape(left, right, (cameras[0], cameras[1]), **common)]
-        else:
-            results = stereo_dic(
-                left,
-                right,
-                _alike(one[1:], left.shape, one.names[0]),
-                _alike(two[1:], right.shape, two.names[0]),
-                (cameras[0], cameras[1]),
-                **_motion_options(settings),
-                **common,
-            )
-        seconds = (time.perf_counter() - clock) / len(results)
-        start = len(one) - len(results)  # 0: the shape of the reference pair
-        for number, result in enumerate(results, start):
-            found = None
-            if settings.strain != "none" and start:
+        options, notes = _prepared(left, one.names[0], settings)
+        notes["stereo"] = str(rig)
+        moved = len(one) > 1
+        pictures = {"left": one[1:], "right": two[1:]} if moved else {"left": one, "right": two}
+        written = ResultWriter(Path(output), left, pictures, notes, settings.formats, progress)
+
+        def keep(number: int, result: StereoResult) -> None:
+            found: StrainResult | None = None
+            if settings.strain != "none" and moved:
                 kind: Any = settings.strain
                 found = surface_strain(result, window=settings.strain_window, kind=kind)
-            pictures = {"left": one.names[number], "right": two.names[number]}
-            text = written.add(pictures, result, found, seconds, one.times[number])
-            progress("dic", (number + 1 - start) / len(results), f"{text} points")
-        return written.finished(stand_off_warnings(Path(rig), cameras, results))
+            written.add(number, result, found)
+
+        progress("dic", 0.0, f"{len(one)} pairs")
+        if moved:
+            lefts = _alike(one[1:], left.shape, one.names[0])
+            rights = _alike(two[1:], right.shape, two.names[0])
+            options |= _motion_options(settings)
+            stereo_dic(
+                left, right, lefts, rights, (cameras[0], cameras[1]), progress=keep, **options
+            )
+        else:
+            keep(0, stereo_shape(left, right, (cameras[0], cameras[1]), **options))
+        return written.finished(stand_off_warnings(Path(rig), cameras, written.results))
 
 
-def _subset_options(settings: CorrelationSettings, device: Device | None) -> dict[str, Any]:
-    """Arguments of every correlation."""
-    names = ("subset", "step", "blur_px", "min_zncc", "tolerance")
-    own = {name: getattr(settings, name) for name in names}
-    return own | {"device": device, "backend": "numpy" if device is None else "gpu"}
+def _prepared(
+    first: npt.NDArray[Any], name: str, settings: CorrelationSettings
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Arguments of every correlation with the picture ``first`` as its reference, and what reports
+    and tables repeat of them."""
+    device = working_device("correlate", settings.backend)
+    names = ("subset", "step", "roi", "blur_px", "min_zncc", "tolerance")
+    options = {name: getattr(settings, name) for name in names}
+    options |= {"mask": read_mask(settings.mask, first.shape), "device": device}
+    options["backend"] = "numpy" if device is None else "gpu"
+    return options, described(name, settings, device)
 
 
 def _motion_options(settings: CorrelationSettings) -> dict[str, Any]:
@@ -243,26 +227,9 @@ def _undistorted(result: DicResult, lens: CalibratedCamera) -> tuple[DicResult, 
 def _cameras(
     settings: CorrelationSettings, path: PathLike, shapes: Sequence[tuple[int, ...]], argument: str
 ) -> list[CalibratedCamera]:
-    """As many cameras from a calibration file as there are picture sizes; lengths in mm."""
-    cameras = read_calibration(path, (shapes[0][1], shapes[0][0]), settings.calibration_unit)
-    if len(cameras) < len(shapes):
-        raise InputError(
-            f"`{argument}`: {path}: got {len(cameras)} cameras; expected {len(shapes)}"
-        )
-    result = []
-    first = np.linalg.inv(cameras[0].camera_from_world)
-    for camera, shape in zip(cameras, shapes, strict=False):
-        if (camera.height, camera.width) != tuple(shape):
-            raise InputError(
-                f"`{argument}`: {path}: camera {camera.name!r} has {camera.width}x{camera.height} "
-                f"px; expected {shape[1]}x{shape[0]} as its pictures"
-            )
-        pose = camera.camera_from_world @ first
-        result.append(
-            rig_camera((camera.width, camera.height), camera.K, camera.distortion, pose[:3, :3],
-                       1000.0 * pose[:3, 3], camera.name)
-        )  # fmt: skip
-    return result
+    """The cameras of pictures of such ``shapes``, from a file."""
+    sizes = [(shape[1], shape[0]) for shape in shapes]
+    return cameras_in_file(f"`{argument}`: {path}", path, sizes, unit=settings.calibration_unit)
 
 
 def _alike(

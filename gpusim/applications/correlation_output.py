@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,20 +13,20 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim._version import __version__
+from gpusim.choices import Shape, Start, StrainKind, Update
 from gpusim.export.correlation import write_correlation
 from gpusim.field_summary import field_summary
 from gpusim.files.atomic_files import PathLike, safe_name, write_text
+from gpusim.files.frame_source import FrameSource
 from gpusim.files.output_folder import inside
 from gpusim.gpu import Device
 from gpusim.measure import DicResult, StereoResult, StrainResult
-from gpusim.measure.correlation.dic import Start
-from gpusim.measure.correlation.sequence import Update
-from gpusim.measure.correlation.strain import StrainKind
-from gpusim.measure.correlation.warp import Shape
-from gpusim.report.correlation import correlation_page, draw_maps, summary
+from gpusim.report.correlation import correlation_report, draw_maps, summary
+from gpusim.report.html import render_html
 from gpusim.report.model import Figure
 from gpusim.validation import checked
 
+Progress = Callable[[str, float, str], None]
 _SCHEMA = 1
 UNSAID = ("formats", "backend")
 """Settings that a report doesn't repeat; and words for those that aren't made."""
@@ -113,54 +114,61 @@ class CorrelationOutput:
 
 @dataclass
 class ResultWriter:
-    """What has been found and written so far: tables and a map of each result."""
+    """What has been found and written so far: tables and a map of each result.
+
+    ``pictures`` by what they are called in tables; the first ones name the files.
+    """
 
     folder: Path
     reference: npt.NDArray[Any]
+    pictures: Mapping[str, FrameSource]
     settings: dict[str, Any]
     formats: tuple[str, ...]
-    keep_results: bool = True
+    progress: Progress
     files: list[Path] = field(default_factory=list)
     results: list[Any] = field(default_factory=list)
     strains: list[StrainResult | None] = field(default_factory=list)
     rows: list[dict[str, Any]] = field(default_factory=list)
-    figures: list[tuple[str, Figure]] = field(default_factory=list)
+    figures: list[Figure] = field(default_factory=list)
+    since: float = field(default_factory=time.perf_counter)
 
     def add(
         self,
-        pictures: dict[str, str],
+        number: int,
         result: DicResult | StereoResult,
         strains: StrainResult | None,
-        seconds: float,
-        taken: float,
-    ) -> str:
-        """Write one result; how many of its points are measured, in words for a display.
-
-        ``pictures`` by what they are called in tables; the first names the files.
-        """
-        picture = next(iter(pictures.values()))
-        stem = f"{len(self.rows) + 1:04d}_{safe_name(Path(picture).stem)}"
+        *,
+        keep: bool = True,
+    ) -> None:
+        """Write the result of the pictures of a ``number``, found since the last one."""
+        seconds = time.perf_counter() - self.since
+        files = {side: frames.names[number] for side, frames in self.pictures.items()}
+        picture, frames = next(iter(files.values())), next(iter(self.pictures.values()))
+        stem = f"{number + 1:04d}_{safe_name(Path(picture).stem)}"
         tables = [inside(self.folder, f"{stem}.{suffix}") for suffix in self.formats]
         for path in tables:
-            write_correlation(path, result, strains, self.settings | pictures)
+            write_correlation(path, result, strains, self.settings | files)
         figure = draw_maps(self.reference, result, strains, inside(self.folder, f"{stem}.png"))
-        names = [Path(name).name for name in pictures.values()]
         row = summary(picture, result, strains, seconds)
-        self.rows.append(row if np.isnan(taken) else row | {"time_s": float(taken)})
-        self.figures.append((", ".join(names), figure))
+        taken = float(frames.times[number])
+        self.rows.append(row if np.isnan(taken) else row | {"time_s": taken})
+        names = [Path(name).name for name in files.values()]
+        self.figures.append(replace(figure, frame=", ".join(names)))
         self.files += [*tables, figure.path]
-        if self.keep_results:
+        if keep:
             self.results.append(result)
             self.strains.append(strains)
-        return f"{names[0]}: {row['measured']}"
+        self.progress("dic", (number + 1) / len(frames), f"{names[0]}: {row['measured']} measured")
+        self.since = time.perf_counter()
 
     def finished(self, warnings: Sequence[str] = ()) -> CorrelationOutput:
         """All of it, with report.json and report.html of all results."""
         rows, settings, folder = self.rows, self.settings, self.folder
         report = {"schema": _SCHEMA, "version": __version__, "settings": settings, "images": rows,
                   "warnings": list(warnings)}  # fmt: skip
-        title = Path(settings["reference"]).name
-        page = correlation_page(title, rows, self.figures, settings, warnings)
+        tables = [path for path in self.files if path.suffix != ".png"]
+        shown = correlation_report(rows, settings, warnings, tables)
+        page = render_html(shown, {"other": self.figures}, folder)
         self.files += [
             write_text(inside(folder, "report.json"), json.dumps(report, indent=2) + "\n"),
             write_text(inside(folder, "report.html"), page),

@@ -14,8 +14,9 @@ import typer
 
 from gpusim.cli.console import exit_codes, importing, out
 from gpusim.cli.help import definition_list
-from gpusim.errors import InputError, nearest_name
+from gpusim.errors import InputError, nearest_name, require
 from gpusim.files.atomic_files import write_text
+from gpusim.printable import printable
 
 PLATE = "plate_with_hole.toml"
 
@@ -71,6 +72,8 @@ def init(
             raise InputError(
                 f"init: no such file or template; got {source}; expected {expected}{hint}"
             )
+        name = printable(str(output))
+        require(name == str(output), "-o: control characters", name, "a name without them")
         if output.exists() and not force:
             raise InputError(f"{output}: is there already; expected another -o, or --force")
         with importing():

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from gpusim.choices import LengthUnit, LensModel, Shape, Start, StrainKind, Update
 from gpusim.cli.console import (
     BackendOption,
     Json,
@@ -31,12 +32,7 @@ if TYPE_CHECKING:
     from gpusim import measure
     from gpusim.applications import CorrelationSettings
 
-Shape = Literal["translation", "rigid", "affine", "quadratic"]
-Update = Literal["never", "auto", "always"]
-Start = Literal["auto", "search", "features"]
-Strain = Literal["small", "green-lagrange", "hencky", "almansi", "none"]
 Board = Literal["chessboard", "charuco"]
-LensName = Literal["pinhole", "radial", "radial3", "radtan", "brown", "rational", "prism", "tilted"]
 
 
 class Format(StrEnum):
@@ -84,7 +80,7 @@ RigFile = Annotated[
     typer.Option(metavar="FILE", help="Calibration of two cameras: pictures are pairs."),
 ]
 CalibrationUnit = Annotated[
-    Literal["m", "cm", "mm", "um", "in"] | None,
+    LengthUnit | None,
     typer.Option(help="Of a calibration file that doesn't say (Kalibr: m, all others: mm)."),
 ]
 
@@ -112,7 +108,9 @@ def dic(
     min_zncc: Annotated[float, typer.Option(help="Least correlation of a match.")] = 0.8,
     apart_px: ApartPx = 0.1,
     tolerance: Annotated[float, typer.Option(help="Where the iteration stops, px.")] = 1e-4,
-    strain: Annotated[Strain, typer.Option(help="Which strain.")] = "green-lagrange",
+    strain: Annotated[
+        Literal[StrainKind, "none"], typer.Option(help="Which strain.")
+    ] = "green-lagrange",
     strain_window: Annotated[int, typer.Option(help="Points across the strain gauge.")] = 5,
     formats: Formats = None,
     backend: BackendOption = "auto",
@@ -170,7 +168,7 @@ def calibrate(
         list[Path] | None,
         typer.Option("--with", metavar="FOLDER", help="One more camera's pictures (repeatable)."),
     ] = None,
-    lens: Annotated[LensName, typer.Option(help="Which distortion is found.")] = "brown",
+    lens: Annotated[LensModel, typer.Option(help="Which distortion is found.")] = "brown",
     square_pixels: Annotated[
         bool, typer.Option("--square-pixels", help="One focal length for both directions.")
     ] = False,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from gpusim.choices import LengthUnit
 from gpusim.cli.console import (
     BackendOption,
     Json,
@@ -29,7 +30,7 @@ from gpusim.files.output_folder import check_folder
 if TYPE_CHECKING:
     from gpusim.report import Report
 
-Unit = Annotated[Literal["m", "cm", "mm", "um", "in"], typer.Option(help="Of its lengths.")]
+Unit = Annotated[LengthUnit, typer.Option(help="Of its lengths.")]
 Step = Annotated[Literal["last", "all"], typer.Option(help="States that follow the first one.")]
 
 

@@ -13,11 +13,12 @@ import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from gpusim.arrays.array_types import Float
+from gpusim.errors import require
 from gpusim.files.atomic_files import write_bytes
 from gpusim.files.input_file import read_input
 from gpusim.mesh import Mesh, read_mesh
 from gpusim.mesh.formats.cad_cache import cached_cad_mesh
-from gpusim.mesh.part_outline import part_outline
+from gpusim.mesh.part_outline import part_outline, piece_count
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.camera.standpoint import Side
 from gpusim.printable import printable
@@ -49,25 +50,37 @@ def stereo_rig(low: Float, high: Float, normal: Float) -> dict[str, Float | floa
 
 
 def coarse_mesh(path: Path) -> Mesh:
-    """Of a CAD file, or a mesh file whose coordinates are millimetres.
+    """Of a CAD file, or a mesh file whose coordinates are millimetres, of one piece.
 
     Raises InputError for a file that can't be read or meshed, and where Gmsh is missing.
     """
     file, suffix = read_input(path, "a CAD or mesh file"), path.suffix.lower()
-    if suffix not in CAD_SUFFIXES:
-        return read_mesh(file, scale=1e-3)
-    around = 0 if suffix == ".stl" else _ROUND
-    return cached_cad_mesh(file, size=_COARSE, curvature=around, scale=1e-3)
+    if suffix in CAD_SUFFIXES:
+        around = 0 if suffix == ".stl" else _ROUND
+        mesh = cached_cad_mesh(file, size=_COARSE, curvature=around, scale=1e-3)
+    else:
+        mesh = read_mesh(file, scale=1e-3)
+    pieces, what = piece_count(mesh), f"{path}: pieces that share no nodes"
+    require(pieces == 1, what, pieces, "one: join them, or make a file and a [[body]] of each")
+    return mesh
 
 
 def scene_of_template(path: Path, output: Path) -> str:
     """The text of a template; the files that an example needs are copied beside the scene."""
     if path.parent == OWN:
         return _filled(path.name, output, rig=stereo_rig(_PLATE[0], _PLATE[1], np.eye(3)[2]))
+    new = {}
     for name, _ in load_scene(path).files:
         place = output.parent / Path(name).relative_to(path.parent)
+        content = Path(name).read_bytes()
         if not place.exists():
-            write_bytes(place, Path(name).read_bytes())
+            new[place] = content
+            continue
+        what, got = f"{place}: is there already, and not the template's", "another content"
+        same = read_input(place).data == content
+        require(same, what, got, f"another folder: -o NEW/{output.name}")
+    for place, content in new.items():
+        write_bytes(place, content)
     return path.read_text(encoding="utf-8").replace(f"examples/{path.name}", str(output))
 
 

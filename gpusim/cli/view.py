@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
+from gpusim.choices import LengthUnit
 from gpusim.cli.console import exit_codes, importing, out
 from gpusim.errors import require
 from gpusim.interrupts import INTERRUPTED
@@ -20,7 +21,7 @@ Legend = Annotated[
     typer.Option(metavar="LOW HIGH", help="Of the field's legend, in its unit, held."),
 ]
 Unit = Annotated[
-    Literal["m", "cm", "mm", "um", "in"] | None,
+    LengthUnit | None,
     typer.Option(help="Of a mesh file's coordinates: mm unless said, of glTF m."),
 ]
 

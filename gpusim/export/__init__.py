@@ -9,6 +9,7 @@ Its modules:
 - `truth`: truth.h5: the exact fields behind every pixel.
 - `body_state`: A body in one frame, from which its fields follow.
 - `field_catalogue`: All fields of bodies, truth and measurements by name: title, unit, values.
+- `calibrated_cameras`: Cameras of a calibration, and those of calibration files and scenes.
 - `correlation`: Measured displacements and strains as CSV, NPZ and HDF5.
 """
 

@@ -288,6 +288,7 @@ class FieldMap:
     values: Float
     title: str
     centred: bool = False  # zero is special: colours diverge from it
+    scale: tuple[float, float] | None = None  # what the colours span, if not most of the values
 
 
 def field_maps(result: Any, names: Sequence[str] | None = None) -> dict[str, FieldMap]:

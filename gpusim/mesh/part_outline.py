@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from gpusim.arrays.array_types import Float
 from gpusim.mesh.boundary import Faces, boundary_faces
@@ -17,6 +19,7 @@ from gpusim.mesh.selection import select_faces
 from gpusim.validation import by_number
 
 _ELEMENTS, _TETRAHEDRON = 40_000, 0.12  # so many of about this volume, if their edge is 1
+_SIDE = 0.8  # of what looks along an axis: a plane of that area is shown in its place
 _FLAT, _CIRCULAR = 1e-6, 1e-3  # of normals; of a radius
 
 
@@ -69,11 +72,12 @@ class PartOutline:
         return None
 
     def broadside(self) -> PartFace:
-        """The largest plane along the part, or the side to which more of it looks."""
+        """The largest plane along the part, or the side to which clearly more of it looks."""
         along = [face for face in (*self.faces, *self.sides)
                  if face.normal is not None and abs(face.normal[self.axis]) < 0.5]  # fmt: skip
-        # the same faces by a set and by their side are equal but for rounding: the set comes first
-        return max(along, key=lambda face: float(f"{face.area:.6g}"))
+        # a side takes what looks there of roundings and holes, too, which a set doesn't
+        weight = dict.fromkeys(self.faces, 1.0)
+        return max(along, key=lambda face: float(f"{face.area * weight.get(face, _SIDE):.6g}"))
 
 
 def part_outline(mesh: Mesh) -> PartOutline:
@@ -98,6 +102,14 @@ def part_outline(mesh: Mesh) -> PartOutline:
     faces = (_face(name, select_faces(mesh, name=name)) for name in named.values())
     ordered = sorted(faces, key=lambda face: -face.area)
     return PartOutline(low, high, volume, float(skin.areas.sum()), tuple(ordered), (*_sides(skin),))
+
+
+def piece_count(mesh: Mesh) -> int:
+    """How many bodies its cells make, joined through the nodes that they share."""
+    ends = [np.broadcast_arrays(block[:, :1], block[:, 1:]) for _, _, block in mesh.blocks()]
+    first, other = (np.concatenate([one[k].ravel() for one in ends]) for k in (0, 1))
+    links = coo_matrix((np.ones(len(first)), (first, other)), shape=(mesh.node_count,) * 2)
+    return int(connected_components(links, directed=False)[0]) - len(mesh.dangling_nodes)
 
 
 def _sides(skin: Faces) -> Iterator[PartFace]:

@@ -52,7 +52,7 @@ def plot(
     **style: Any,
 ) -> Axes:
     """A map of one component, over the reference ``image`` where one is given."""
-    from gpusim.report.correlation import draw_map, grey_picture
+    from gpusim.report.field_maps import draw_map, grey_picture
 
     known, where = field_maps(result), f"{type(result).__name__}.plot"
     name = next(iter(known)) if component is None else component

@@ -12,7 +12,7 @@ In the order in which data passes:
 - `field_maps`: Measured fields beside true ones: maps, and their differences.
 - `html`: report.html: one self-contained page.
 - `write`: report.json, figures and report.html in the output folder.
-- `correlation`: The summary of a correlation, and a page with it.
+- `correlation`: The summary of a correlation: numbers, maps, what a page says.
 - `advice`: Advice on settings: what it says in words and numbers, the curves it comes from, and a
   page.
 """

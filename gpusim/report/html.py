@@ -32,13 +32,12 @@ if TYPE_CHECKING:
     from jinja2 import Environment, Template
 
 _PHOTO_WIDTH = 1800  # px
-_PAGE_WIDTH = 1600  # px of a down-scaled frame: sharp on a wide screen, ~100 kB
+_PAGE_WIDTH = 1600  # px of a down-scaled frame, at most: sharp on a wide screen
 _CROP = 72  # px of a full-resolution crop per side
 _CROP_ZOOM = 4
 _MAX_CROPS = 4
 _SERIES = 3  # frames: first and last are shown beside each other anyway
 _SLIDES = 25  # of a slider; more frames are thinned out
-_SLIDE_WIDTH = 960  # px, at most
 SECTIONS = (
     "explanations", "series", "overlays", "errors", "load_path", "convergence", "other"
 )  # fmt: skip
@@ -90,7 +89,7 @@ def slides_of(
     def slide(picture: tuple[str, Path]) -> Slide:
         label, path = picture
         image = np.ascontiguousarray(read_picture(path))
-        return Slide(label, path, _jpeg_uri(image, _SLIDE_WIDTH, 80, bits, room))
+        return Slide(label, path, _jpeg_uri(image, _PAGE_WIDTH, 80, bits, room))
 
     with ThreadPoolExecutor() as pool:
         slides = tuple(pool.map(slide, shown))

@@ -102,7 +102,11 @@ def test_pairs_come_from_stacks(tmp_path: Path) -> None:
     for name, shift in (("left", 0.0), ("right", DISPARITY)):
         tifffile.imwrite(tmp_path / f"{name}.tif", pictures(shift), photometric="minisblack")
     sides = tmp_path / "left.tif", tmp_path / "right.tif"
-    done = correlate_pairs(*sides, rig(tmp_path), tmp_path / "out", SETTINGS)
+    stages: list[tuple[float, str]] = []
+    done = correlate_pairs(*sides, rig(tmp_path), tmp_path / "out", SETTINGS,
+                           progress=lambda _, *stage: stages.append(stage))  # fmt: skip
+    assert [share for share, _ in stages] == [0.0, 0.5, 1.0]
+    assert [text.split(":")[0] for _, text in stages[1:]] == ["left.tif#2", "left.tif#3"]
     true = np.array([2.0 * DISTANCE / K[0, 0], -1.025 * DISTANCE / K[1, 1], 0.0])
     for number, result in enumerate(done.results, start=1):
         moved = np.median(result.displacement[result.ok], axis=0)

@@ -90,6 +90,12 @@ def test_tables_maps_and_page(cli: Run, pictures: Path, tmp_path: Path) -> None:
     assert [image["measured"] > 50 for image in report["images"]] == [True, True]
     page = (out / "report.html").read_text()
     assert page.count("data:image/jpeg") == 2 and "http" not in page.split("</style>")[1]
+    for number, name in ((1, "one.tif"), (2, "two.png")):
+        stem = f"{number:04d}_{name[:3]}"
+        assert f'<a href="{stem}.png" data-label="{name}"' in page and f'href="{stem}.h5"' in page
+        image = report["images"][number - 1]
+        count = f"{image['measured']} of {image['points']}"
+        assert f'<th scope="row">{name}</th><td class="n">{count}</td>' in page
 
 
 def test_what_is_wrong_is_said_before_anything_is_written(

@@ -114,7 +114,7 @@ def test_wrong_calibrations_are_refused(tmp_path: Path) -> None:
         ("--stereo", one, *files[:3]): "got 3 pictures; expected pairs",
         ("--stereo", one, "--strain", "small", *files): "--strain",
         ("--stereo", one, "--calibration", one, *files): "one of the two",
-        ("--calibration", two, *files): "camera 'two' has 138x101 px; expected 137x101",
+        ("--calibration", two, *files): "camera 'two' with 138x101 px; expected 137x101",
         ("--calibration", files[0], *files): "calibration file",
         ("--apart-px", "-1", *files): "apart_px",
     }

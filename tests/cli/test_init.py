@@ -60,7 +60,7 @@ def corners_of(low: list[float], high: list[float]) -> np.ndarray:
                      for i in (0, 1) for j in (0, 1) for k in (0, 1)])  # fmt: skip
 
 
-def write_step(path: Path, build: Callable[[Any], None]) -> None:
+def write_step(path: Path, build: Callable[[Any], object]) -> None:
     with Gmsh() as gmsh:
         build(gmsh.model.occ)
         gmsh.model.occ.synchronize()
@@ -114,9 +114,24 @@ def test_files_that_an_example_needs_come_along(cli: Run, tmp_path: Path) -> Non
     own = tmp_path / "lug.msh"
     assert cli("init", "lug").exit_code == 0
     assert own.stat().st_size > 10_000
+    assert cli("init", "lug", "-o", "again.toml").exit_code == 0  # it is the same
     own.write_bytes(b"mine")
-    assert cli("init", "lug", "-o", "other.toml").exit_code == 0
-    assert own.read_bytes() == b"mine"
+    for options in ([], ["--force"]):
+        result = cli("init", "lug", "-o", "other.toml", *options)
+        assert result.exit_code == 2
+        assert "lug.msh: is there already, and not the template's" in result.stderr
+        assert "expected another folder: -o NEW/other.toml" in result.stderr
+    assert own.read_bytes() == b"mine" and not (tmp_path / "other.toml").exists()
+    assert cli("init", "lug", "-o", "NEW/other.toml").exit_code == 0
+    assert planned(cli, "NEW/other.toml") == []
+
+
+@pytest.mark.parametrize("name", ["a\nb.toml", "a\x1b[31m.toml", "a\u202eb.toml"])
+def test_a_name_that_commands_the_terminal_is_refused(cli: Run, tmp_path: Path, name: str) -> None:
+    result = cli("init", "plate_with_hole", "-o", name)
+    assert result.exit_code == 2
+    assert "-o: control characters" in result.stderr and name not in result.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_name_that_is_neither_file_nor_template(cli: Run, tmp_path: Path) -> None:
@@ -267,6 +282,20 @@ def test_a_mesh_file_with_and_without_sets(cli: Run, tmp_path: Path, checkout: P
     assert "(the file names none)" in text
     assert "where = { x_max_mm = 6 }" in text and "where = { x_min_mm = 54 }" in text
     assert planned(cli, "block.toml") == []
+
+
+def test_solids_that_touch_nowhere_are_refused(cli: Run, tmp_path: Path) -> None:
+    def build(apart: float) -> Callable[[Any], object]:
+        return lambda occ: [occ.addBox(x, 0, 0, 10, 10, 10) for x in (0, 10 + apart)]
+
+    write_step(tmp_path / "two.step", build(10))
+    result = cli("init", "two.step")
+    assert result.exit_code == 2
+    assert "two.step: pieces that share no nodes; got 2; expected one" in result.stderr
+    assert "[[body]]" in result.stderr and not (tmp_path / "scene.toml").exists()
+    write_step(tmp_path / "touching.step", build(0))
+    assert cli("init", "touching.step").exit_code == 0
+    assert planned(cli, "scene.toml") == []
 
 
 def test_without_gmsh_a_step_part_is_refused(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from pathlib import Path
 
 from typer.testing import CliRunner, Result
@@ -33,6 +34,24 @@ def test_a_file_becomes_pictures_truth_and_a_scene_to_go_on_with(
     report = json.loads(again.stdout)
     states = {stage["name"]: stage["state"] for stage in report["stages"]}
     assert states["render/front/0004"] == states["truth"] == "reused"
+
+
+def test_an_edited_scene_is_kept_when_the_file_is_rendered_again(
+    checkout: Path, tmp_path: Path
+) -> None:
+    field, out = checkout / "examples" / "strip.frd", tmp_path / "out"
+    options = ("--field", field, "-o", out, "--resolution", "153x128", "-q")
+    assert render(*options).exit_code == 0
+    assert render(*options, "--speckle-mm", "4").exit_code == 0
+    assert not list(out.glob("scene-*.toml"))
+    edited = "# my camera\n" + (out / "scene.toml").read_text(encoding="utf-8")
+    (out / "scene.toml").write_text(edited, encoding="utf-8")
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")  # as outside of tests
+        again = render(*options)
+    assert again.exit_code == 0 and "scene-1.toml" in again.stderr
+    assert (out / "scene-1.toml").read_text(encoding="utf-8") == edited
+    assert gs.load_scene(out / "scene.toml").bodies[0].paints[0].diameter != 0.004
 
 
 def test_faults_end_with_2_and_leave_nothing(checkout: Path, tmp_path: Path) -> None:

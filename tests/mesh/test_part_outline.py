@@ -63,6 +63,21 @@ def test_a_bar_is_seen_from_the_side(tmp_path: Path) -> None:
                for end in ends)  # fmt: skip
 
 
+def test_a_whole_plane_is_shown_rather_than_all_that_looks_there(tmp_path: Path) -> None:
+    """Of a bracket: the wall's hole and its top look up, too."""
+
+    def build(occ: Any) -> None:
+        plate, wall = occ.addBox(0, 0, 0, 80, 40, 6), occ.addBox(0, 0, 0, 6, 40, 60)
+        joined, _ = occ.fuse([(3, plate)], [(3, wall)])
+        occ.cut(joined, [(3, occ.addCylinder(-1, 20, 40, 10, 0, 0, 4))])
+
+    part = outline_of(tmp_path, build)
+    up = next(side for side in part.sides if side.name == "+z")
+    seen = part.broadside()
+    assert seen in part.faces and seen.kind == "plane that looks -z"
+    assert seen.area == pytest.approx(3.2e-3) and up.area > 1.005 * seen.area
+
+
 def test_bosses_and_troughs_are_told_apart(tmp_path: Path) -> None:
     def build(occ: Any) -> None:
         body, boss = occ.addBox(0, 0, 0, 90, 30, 20), occ.addCylinder(20, 15, 20, 0, 0, 9, 5)

@@ -20,6 +20,7 @@ PACKAGE = Path(gpusim.__file__).parent
 FOUNDATION = {
     "_version",
     "arrays",
+    "choices",
     "display",
     "errors",
     "field_summary",

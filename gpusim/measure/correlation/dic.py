@@ -7,12 +7,13 @@ matched features. From the seeds the front spreads over the other points (see ``
 
 from __future__ import annotations
 
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float, Long
+from gpusim.choices import Start
 from gpusim.errors import InputError
 from gpusim.gpu import Device, working_device
 from gpusim.measure.correlation.coherence import CheckedFront
@@ -34,7 +35,6 @@ from gpusim.measure.images import check_points
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import count_of, require, require_one_of, unmasked
 
-Start = Literal["auto", "search", "features"]
 MIN_FOUND_SEEDS = 0.5  # share of the seeds that must be found by searching
 
 

@@ -8,15 +8,16 @@ own error, so the reference is kept as long as it does.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, TypeVar, get_args
 
 import numpy as np
 import numpy.typing as npt
 import scipy
 
 from gpusim.arrays.array_types import Bool, Float, Long
+from gpusim.choices import Update as Update
 from gpusim.errors import InputError
 from gpusim.measure.correlation.dic import dic, grid_points
 from gpusim.measure.correlation.matching import DicResult, Status
@@ -24,8 +25,7 @@ from gpusim.measure.images import check_points
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import require, require_one_of, unmasked
 
-Update = Literal["never", "auto", "always"]
-
+Result = TypeVar("Result")
 LOST = 0.03  # share of the points that may get lost before the reference is renewed
 
 
@@ -90,8 +90,6 @@ def dic_sequence(
     >>> gs.measure.dic_sequence(before, images, **options)[-1].displacement.round(2) + 0.0
     array([[0.25, 0.  ]])
     """
-    require_one_of("update", update, ("never", "auto", "always"))
-    require(-1 <= update_zncc <= 1, "update_zncc", repr(update_zncc), "-1..1")
     if points is not None:
         places = check_points(points, "points")
     elif np.ndim(reference) in (2, 3):
@@ -101,27 +99,59 @@ def dic_sequence(
             f"reference: not one image; got shape {np.shape(reference)}; expected (H, W), or "
             "(H, W, 3) in colour"
         )
+    found = followed(
+        reference, images, places, update=update, update_zncc=update_zncc, subset=subset, mask=mask,
+        **options,
+    )  # fmt: skip
+    return gathered(found, progress, keep_results)
+
+
+def gathered(
+    found: Iterable[Result],
+    progress: Callable[[int, Result], None] | None,
+    keep_results: bool = True,
+) -> list[Result]:
+    """All results, or the last one alone; ``progress`` is told of each as soon as it is there."""
+    results: list[Result] = []
+    for number, result in enumerate(found):
+        results.append(result)
+        if progress is not None:
+            progress(number, result)
+        if not keep_results:
+            del results[:-1]
+    return results
+
+
+def followed(
+    reference: npt.NDArray[Any],
+    images: Iterable[npt.NDArray[Any]],
+    places: Float,
+    *,
+    update: Update = "never",
+    update_zncc: float = 0.9,
+    subset: int = 31,
+    mask: Bool | None = None,
+    **options: Any,
+) -> Iterator[DicResult]:
+    """What `dic_sequence` gives at ``places`` (M, 2), one result after the other."""
+    require_one_of("update", update, get_args(Update))
+    require(-1 <= update_zncc <= 1, "update_zncc", repr(update_zncc), "-1..1")
     count = len(places)
     straight = np.tile(np.eye(2), (count, 1, 1))
     base = _Base(
         reference, places, np.arange(count), np.zeros((count, 2)), straight, np.zeros(count), mask
     )
-    results: list[DicResult] = []
+    total: DicResult | None = None
     last: tuple[npt.NDArray[Any], DicResult] | None = None  # the image before, from its base
-    for number, image in enumerate(images):
+    for image in images:
         guess = None if last is None else last[1]
         matched = _measured(base, image, guess, subset, options)
         if last is not None and _due(update, update_zncc, matched, last[1]):
             base = _moved(base, *last, mask, places)
             matched = _measured(base, image, None, subset, options)
-        total = _total(base, matched, places, results[-1] if results else None)
-        results.append(total)
+        total = _total(base, matched, places, total)
+        yield total
         last = image, matched
-        if progress is not None:
-            progress(number, total)
-        if not keep_results:
-            del results[:-1]
-    return results
 
 
 def _measured(

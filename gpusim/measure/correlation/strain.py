@@ -15,13 +15,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, Literal, Protocol, get_args
+from typing import Any, Protocol, get_args
 
 import numpy as np
 import numpy.typing as npt
 import scipy
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
+from gpusim.choices import StrainKind as StrainKind
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.measure.correlation.matching import PointResult
@@ -29,7 +30,6 @@ from gpusim.measure.images import point_spacing
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import require, require_one_of, unmasked
 
-StrainKind = Literal["small", "green-lagrange", "hencky", "almansi"]
 KINDS: tuple[StrainKind, ...] = get_args(StrainKind)
 TERMS = {1: 3, 2: 6}  # unknowns of a polynomial in two variables, by degree
 MIN_MEASURED_SHARE = 0.2  # share of a window's points that must have been measured

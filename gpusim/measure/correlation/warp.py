@@ -11,13 +11,13 @@ the first 1, 3, 3 or 6 coefficients; a rigid warp ties its linear ones to one ro
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 
 from gpusim.arrays.array_types import Float
+from gpusim.choices import Shape as Shape
 
-Shape = Literal["translation", "rigid", "affine", "quadratic"]
 SHAPES: tuple[Shape, ...] = get_args(Shape)
 COEFFICIENTS: dict[Shape, int] = {"translation": 1, "rigid": 3, "affine": 3, "quadratic": 6}
 UNKNOWNS: dict[Shape, int] = {"translation": 2, "rigid": 3, "affine": 6, "quadratic": 12}

@@ -8,8 +8,9 @@ of the baseline.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ from gpusim.measure.correlation.matching import (
     noise_factor,
 )
 from gpusim.measure.correlation.pixel_mask import check_mask, masked_image, name_failures
-from gpusim.measure.correlation.sequence import Update, dic_sequence
+from gpusim.measure.correlation.sequence import Update, followed, gathered
 from gpusim.measure.correlation.warp import Shape
 from gpusim.measure.images import SplineImage
 from gpusim.measure.stereo.epipolar_matching import match_views, paired_epipolar_distance
@@ -188,6 +189,7 @@ def stereo_dic(
     min_zncc: float = 0.8,
     device: Device | None = None,
     backend: str = "auto",
+    progress: Callable[[int, StereoResult], None] | None = None,
     **options: Any,
 ) -> list[StereoResult]:
     """Measure how a surface moved in space.
@@ -198,7 +200,7 @@ def stereo_dic(
     lefts, rights : pairs of the following states, read one at a time.
     cameras, match_shape, epipolar_px, subset, step, roi, points, mask : as for ``stereo_shape``.
     mask_right : (H, W) bool, False = pixel of the right reference image that isn't followed.
-    shape, update, options : as for ``dic_sequence``, by which each camera is tracked in time.
+    shape, update, progress, options : as for ``dic_sequence``, by which each camera is tracked.
 
     Returns
     -------
@@ -229,18 +231,17 @@ def stereo_dic(
         match_shape=match_shape, epipolar_px=epipolar_px, **common,
     )  # fmt: skip
     known = np.flatnonzero(begin.ok)
-    if known.size == 0:
-        count = sum(1 for _ in lefts)
-        return [begin] * count
     both: dict[str, Any] = {**common, "shape": shape, "update": update, **options}
-    ones = dic_sequence(left, lefts, points=begin.left[known], mask=mask, **both)
-    twos = dic_sequence(right, rights, points=begin.right[known], mask=mask_right, **both)
-    if len(ones) != len(twos):
-        raise InputError(f"lefts, rights: got {len(ones)} and {len(twos)} images; expected pairs")
-    return [
-        _moved(cameras, begin, known, one, two, epipolar_px)
-        for one, two in zip(ones, twos, strict=True)
-    ]
+    ones = followed(left, lefts, begin.left[known], mask=mask, **both)
+    twos = followed(right, rights, begin.right[known], mask=mask_right, **both)
+
+    def moved() -> Iterator[StereoResult]:
+        for one, two in zip_longest(ones, twos):
+            if one is None or two is None:
+                raise InputError("lefts, rights: got more images of one camera; expected pairs")
+            yield _moved(cameras, begin, known, one, two, epipolar_px)
+
+    return gathered(moved() if known.size else (begin for _ in lefts), progress)
 
 
 def _moved(

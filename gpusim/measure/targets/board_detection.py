@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.measure.images import check_image, eight_bit
-from gpusim.measure.targets.boards import CharucoBoard, Chessboard, Sighting
+from gpusim.measure.targets.boards import Board, CharucoBoard, Chessboard, Sighting
 from gpusim.measure.targets.crossings import fit_crossings
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import require, unmasked
@@ -189,6 +189,15 @@ def find_charuco(image: npt.NDArray[Any], board: CharucoBoard) -> Sighting:
         return Sighting.none(resolution, total, "corners not sharp")
     places = np.column_stack([index * board.square, np.zeros(len(index))])
     return Sighting.fitted(places, fit, ok, resolution, total)
+
+
+def find_board(
+    image: npt.NDArray[Any], board: Board, region: tuple[int, int, int, int] | None = None
+) -> Sighting:
+    """As `find_charuco` or `find_chessboard`, which alone gains by a ``region``."""
+    if isinstance(board, CharucoBoard):
+        return find_charuco(image, board)
+    return find_chessboard(image, board, region)
 
 
 def grid_steps(points: Float, index: Long) -> tuple[Float, Float, Bool]:

@@ -113,6 +113,9 @@ class CharucoBoard(_Fields):
         )
 
 
+Board = Chessboard | CharucoBoard
+
+
 def check_dictionary(name: str, what: str) -> Any:
     """OpenCV's dictionary of that name, without DICT_. Raises InputError for others."""
     names = sorted(n[5:] for n in dir(cv2.aruco) if n.startswith("DICT_"))

@@ -139,9 +139,12 @@ def check_gmsh(file: str) -> None:
     """
     if find_spec("gmsh") is None:
         raise InputError(
-            f"{file}: a CAD file needs gmsh, which is not installed; expected it: "
-            f"{sys.executable or 'python'} -m pip install gmsh"
+            f"{file}: a CAD file needs gmsh, which is not installed; expected it: {_pip()}"
         )
+
+
+def _pip() -> str:
+    return f"{sys.executable or 'python'} -m pip install gmsh"
 
 
 def _raw_mesh(file: InputFile, options: CadOptions) -> RawMesh:
@@ -185,10 +188,10 @@ def _raw_mesh(file: InputFile, options: CadOptions) -> RawMesh:
 def _gmsh() -> Any:
     try:
         import gmsh
-    except OSError as error:
+    except (OSError, ImportError) as error:
         raise InputError(
             f"mesh_cad: gmsh can't be loaded; got {error}; expected its libraries, on "
-            f"Debian: apt install {_LIBRARIES}"
+            f"Debian: apt install {_LIBRARIES}; if they are there, gmsh anew: {_pip()}"
         ) from None
     return gmsh
 

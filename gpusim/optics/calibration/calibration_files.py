@@ -31,7 +31,7 @@ from gpusim.optics.calibration.formats import FORMATS, calibration_text
 from gpusim.optics.calibration.lens_fit import LensFit, fit_lens
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.printable import printable
-from gpusim.validation import require_one_of
+from gpusim.validation import require, require_one_of
 
 _IN_PARTS = ("opencv", "matchid")
 """Whose files hold one camera or two."""
@@ -57,6 +57,10 @@ def calibration_files(cameras: Sequence[Camera], formats: Sequence[str]) -> list
     InputError
         As `gpusim.optics.calibration.lens_fit.fit_lens`, and for more cameras than a file takes.
     """
+    names = [safe_name(camera.name) for camera in cameras]
+    expected = "different ones, without blanks and signs, too"
+    got = f"names {[camera.name for camera in cameras]}"
+    require(len(set(names)) == len(names), "calibration files: cameras", got, expected)
     files = []
     for format in formats:
         fits = {camera.name: fit_lens(camera, format) for camera in cameras}
@@ -103,8 +107,8 @@ def write_calibration_files(
     Raises
     ------
     InputError
-        An unknown format, more cameras than it takes, or a lens that it doesn't come near to;
-        nothing is written.
+        An unknown format, more cameras than it takes, names that would be those of the same
+        files, or a lens that it doesn't come near to; nothing is written.
 
     Examples
     --------

@@ -12,6 +12,7 @@ from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.optics.calibration.document import (
     Document,
+    coefficients,
     make,
     number,
     pose_of,
@@ -59,8 +60,13 @@ def cameras_of(root: Document, where: str, size: Size) -> list[Camera]:
         for i, node in enumerate(rig):
             _check_pinhole(node, f"{where}: cameras[{i}]")
         _check_poses(rig, where)
-        return [_single(node, f"{where}: cameras[{i}]", f"camera {i}", size)
-                for i, node in enumerate(rig)]  # fmt: skip
+        cameras = [_single(node, f"{where}: cameras[{i}]", f"camera {i}", size)
+                   for i, node in enumerate(rig)]  # fmt: skip
+        beside = {key: value for key, value in root.items() if key != "cameras"}
+        if any(key in beside for key in (*_pair_keys("M", 1), *_MATRIX)):
+            first = cameras[0].width, cameras[0].height
+            _check_agreement(cameras, cameras_of(beside, where, first), where)
+        return cameras
     if _matrix(root, _pair_keys("M", 1), where) is None:
         return [_single(root, where, "camera", size)]
     return _pair(root, where, size)
@@ -85,6 +91,24 @@ def _check_poses(rig: Sequence[Document], where: str) -> None:
         expected = "it, as the other cameras have"
         key = f"{where}: cameras[{min(lack, default=0)}]: {keys[0]}"
         require(len(lack) in (0, len(rig)), key, "nothing", expected)
+
+
+def _check_agreement(listed: Sequence[Camera], beside: Sequence[Camera], where: str) -> None:
+    """Refuse a file that tells the same camera in two ways, as `write_opencv` does, in its list of
+    cameras and in keys beside it, and was changed in one place only."""
+    for k, (one, other) in enumerate(zip(listed, beside, strict=False)):
+        pose = relative(one, listed[0]) if len(beside) == 2 else one.camera_from_world
+        for what, got, expected in (
+            ("camera_matrix", one.K, other.K),
+            ("distortion_coefficients", coefficients(one), coefficients(other)),
+            ("R, T", pose, other.camera_from_world),
+        ):
+            same = np.allclose(got, expected, rtol=1e-6, atol=1e-9)
+            way_out = (
+                "as the keys beside the list say; change both, or delete these keys or the list"
+            )
+            key = f"{where}: cameras[{k}]: {what}"
+            require(same, key, got.tolist(), f"{expected.tolist()} {way_out}")
 
 
 def needs_extrinsics(root: Document) -> bool:

@@ -14,13 +14,12 @@ from gpusim import measure
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
 from gpusim.gpu import Device
-from gpusim.measure.targets.boards import Sighting
+from gpusim.measure.targets.board_detection import find_board
+from gpusim.measure.targets.boards import Board, Sighting
 from gpusim.pipeline.measurements.results import MM
 from gpusim.pipeline.pictures.image_window import Window
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
-
-Board = measure.Chessboard | measure.CharucoBoard
 
 
 def board_of(scene: Scene) -> Board | None:
@@ -42,11 +41,8 @@ def board_of(scene: Scene) -> Board | None:
 def find_corners(scene: Scene, image: npt.NDArray[Any], window: Window | None) -> dict[str, Any]:
     """The board in a picture of the calibration, as arrays to be kept; it is within ``window``."""
     board = board_of(scene)
-    if isinstance(board, measure.CharucoBoard):
-        seen = measure.find_charuco(image, board)
-    else:
-        assert board is not None
-        seen = measure.find_chessboard(image, board, window.box if window else None)
+    assert board is not None
+    seen = find_board(image, board, window.box if window else None)
     # how the board may be turned is known from the scene
     return {f.name: getattr(seen, f.name) for f in fields(seen) if f.name != "turns"}
 

@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from threading import current_thread, main_thread
 
-from gpusim.files.atomic_files import clean_leftovers, write_text
+from gpusim.files.atomic_files import clean_leftovers
 from gpusim.files.output_folder import delete, inside
 from gpusim.gpu import Device
 from gpusim.gpu.warmup import compile_during
@@ -22,6 +22,7 @@ from gpusim.graph.store import Store
 from gpusim.interrupts import DelayedSignals
 from gpusim.pipeline.checks.resources import check_memory, check_views
 from gpusim.pipeline.measurements.kinds import kind_of
+from gpusim.pipeline.runner.scene_file import write_scene
 from gpusim.pipeline.runner.scene_report import SceneReport
 from gpusim.pipeline.runner.stage_log import Progress, StageLog, public_name
 from gpusim.pipeline.scene_objects.surfaces import MeshedBody, counts_of
@@ -157,9 +158,9 @@ class Execution:
             if path not in {folder.path for folder in self.decision.folders.values()}:
                 Folder(path).retire(())  # of a scene that had other variants, or none
         if "" not in self.decision.folders:
-            write_text(inside(self.out, "scene.toml"), self.scene.to_toml())
+            write_scene(self.out, self.scene.to_toml())
         for place, folder in self.decision.folders.items():
-            write_text(inside(folder.path, "scene.toml"), self._scene_report(place).scene_text())
+            write_scene(folder.path, self._scene_report(place).scene_text())
             for key in self.decision.graph.kept(place):
                 record = self.store.find(key)
                 if record is not None and not self.decision.graph.tasks[key].runs:

@@ -17,7 +17,7 @@ from gpusim.plan.scene_stages import scene_stages
 from gpusim.plan.stages import RunOptions
 from gpusim.scene import Scene
 from gpusim.surface import Surface
-from gpusim.validation import require
+from gpusim.validation import is_number, require
 
 
 class SceneContents(SceneObjects):
@@ -36,9 +36,10 @@ class SceneContents(SceneObjects):
 
     def checked(self, frame: int) -> int:
         """The frame, if it is there. Raises InputError."""
-        last = len(self.frames) - 1
-        require(0 <= frame <= last, f"scene {self.scene.name!r}: frame", frame, f"0 to {last}")
-        return frame
+        what, count = f"scene {self.scene.name!r}: frame", len(self.frames)
+        fits = is_number(frame) and frame in range(count)
+        require(fits, what, repr(frame), f"a whole number from 0 to {count - 1}")
+        return int(frame)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,15 +8,12 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from gpusim.choices import LensModel, SurfaceStrain
+
 from .measure_table import MeasureFault, MeasureTable
 from .table import Length, Listed, Name, Names, Pair, PositivePair, Vector, Words, fault
 
-LensModel = Literal[
-    "pinhole", "radial", "radial3", "radtan", "brown", "rational", "prism", "tilted"
-]
-"""What a calibration is to find: no distortion, k1 k2, + k3, + p1 p2, + k4..k6, + s1..s4, + tau."""
 Step = Annotated[int, Field(ge=1, le=1000)]
-SurfaceStrain = Literal["green-lagrange", "hencky"]
 
 
 class CorrelationTable(MeasureTable):

@@ -48,7 +48,8 @@ class WhereTable(Table):
     z_max_mm: float | None = None
     """Largest z that is selected."""
     normal: SignedAxis | None = None
-    """Faces that look this way; for nodes: the nodes of such faces."""
+    """Faces that look this way, up to 30 degrees from it: of the wall of a hole or a rounding, too,
+    what does; a ``set`` takes a whole face and no other. For nodes: the nodes of such faces."""
     tolerance_mm: Annotated[float, Field(ge=0)] = 0.001
     """How far outside the bounds still counts as inside."""
 
@@ -123,7 +124,7 @@ class SupportTable(_Driven):
     where: WhereTable
     """The nodes that are held: say a set, a bound or a normal."""
     fix: Annotated[tuple[Axis, ...], Listed(1, 3, different=True)] = ("x", "y", "z")
-    """The directions in which the nodes are held."""
+    """The directions in which the nodes are held; without it all three."""
     displacement_mm: Vector = (0.0, 0.0, 0.0)
     """Where they are held, relative to the unloaded shape; scaled by the load factor."""
     amplitude_: Annotated[Factors | None, Field(alias="amplitude")] = None
@@ -143,9 +144,6 @@ class SupportTable(_Driven):
                     raise fault(key, "given for a symmetry support", getattr(self, key),
                                 "none: the faces say the direction")  # fmt: skip
             return self
-        if "fix" not in self.model_fields_set and "displacement_mm" not in self.model_fields_set:
-            expected = 'fix = ["x", "y", "z"]'
-            raise fault("fix", "missing", Words("neither fix nor displacement_mm"), expected)
         for axis, value in zip("xyz", self.displacement_mm, strict=True):
             if value != 0 and axis not in self.fix:
                 problem = f"moves along {axis}, which fix leaves free"

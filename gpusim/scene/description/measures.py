@@ -7,11 +7,12 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from gpusim.choices import LensModel
+
 from .correlation_measures import (
     CorrelationTable,
     ExtensometerTable,
     GaugeTable,
-    LensModel,
     LineMeasureTable,
     PointMeasureTable,
 )

@@ -22,6 +22,7 @@ Found = list[tuple[Keys, Fault]]
 Names = dict[str, None]  # in their order, and quick to look up
 Item = tuple[int, dict[str, Any]]
 _BITS = 31  # of a truth layer
+_DICE = 10  # cameras in a file of DICe's
 _OF_TYPE = "measure of a "
 _SHADOWS = 32  # lamps that the renderer looks for shadows of
 _HINTS = 50  # faults whose nearest word is looked for, which takes a while where there are many
@@ -297,14 +298,18 @@ class _Checks:
 
     def outputs(self) -> None:
         """Cameras for those that are of cameras, and not more than they take."""
-        output, cameras = self.document.get("output"), len(self.cameras)
-        layers = output.get("truth") if isinstance(output, Mapping) else None
-        if isinstance(output, Mapping) and output.get("calibration") and not cameras:
+        output, cameras = _table(self.document, "output") or {}, len(self.cameras)
+        if output.get("calibration") and not cameras:
             got, wanted = Words("no camera"), "at least one [[camera]]"
             self.add(("output", "calibration"), "needs a camera", got, wanted)
-        if isinstance(layers, list) and "cameras" in layers and cameras > _BITS:
-            got, wanted = Words(f"{cameras} cameras"), f"at most {_BITS}"
-            self.add(("output", "truth"), 'layer "cameras" has a bit per camera', got, wanted)
+        for key, one, most, why in (
+            ("truth", "cameras", _BITS, 'layer "cameras" has a bit per camera'),
+            ("calibration", "dice", _DICE, '"dice" is a file of few cameras'),
+        ):
+            asked = output.get(key)
+            if isinstance(asked, list) and one in asked and cameras > most:
+                got, wanted = Words(f"{cameras} cameras"), f"at most {most}"
+                self.add(("output", key), why, got, wanted)
 
     def shadows(self) -> None:
         """Every lamp casts shadows unless it says that it doesn't; surroundings cast none."""

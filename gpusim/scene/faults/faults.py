@@ -24,6 +24,7 @@ _WAYS_OUT = {
     "analysis.geometry": f"it is linear; {OTHER_SOLVER}",
 }
 """What is asked for and isn't there, and what to do in its place."""
+_OF_BODIES = ("load", "mesh", "notch", "paint", "part", "support")
 _OUT_OF_RANGE = {"greater_than", "greater_than_equal", "less_than", "less_than_equal"}
 _OF_WRONG_TYPE = {
     "float_type", "int_type", "int_from_float", "int_parsing_size", "string_type", "bool_type",
@@ -93,6 +94,8 @@ def _fault(
         keys = "" if near else "one of " + ", ".join(place.valid_keys)
         if key in _WAYS_OUT:
             return Fault(key, "no such key yet", hint=_WAYS_OUT[key])
+        if key in _OF_BODIES:
+            return Fault(key, "unknown key", hint=f"did you mean body.{key}?")
         return Fault(key, "unknown key", "", keys, _did_you_mean(near))
     if kind == "missing":
         return Fault(key, "missing", "", _wanted(place))

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import get_args
 
 import cv2
 import numpy as np
 import pytest
 
 import gpusim as gs
+from gpusim.choices import LensModel
 from gpusim.errors import GpusimError, InputError
 from gpusim.measure import Chessboard, Sighting, calibrate, find_chessboard, target_statistics
-from gpusim.measure.calibration.bundle_adjustment import Rig, Rows, _Layout, _project
+from gpusim.measure.calibration.bundle_adjustment import LENSES, Rig, Rows, _Layout, _project
 from tests.support.target_images import (
     Photograph,
     board_poses,
@@ -188,3 +190,8 @@ def test_rendered_pairs(device: gs.Device) -> None:
     assert abs(found.baseline()[0] / np.linalg.norm(relative[:3, 3]) - 1) <= 2e-5
     turn = np.linalg.norm(cv2.Rodrigues(relative[:3, :3])[0])
     assert abs(np.degrees(found.angle()[0] - turn)) <= 1e-3
+
+
+def test_lenses_are_those_that_users_choose_from() -> None:
+    assert tuple(LENSES) == get_args(LensModel)
+    assert [len(terms) for terms in LENSES.values()] == [0, 2, 3, 4, 5, 8, 12, 14]

@@ -12,7 +12,14 @@ from scipy.ndimage import gaussian_filter
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.measure import Status, rig_camera, stereo_dic, stereo_shape, surface_strain
+from gpusim.measure import (
+    Status,
+    StereoResult,
+    rig_camera,
+    stereo_dic,
+    stereo_shape,
+    surface_strain,
+)
 
 WIDTH, HEIGHT, DISTANCE, ANGLE = 250, 190, 0.42, np.deg2rad(11.0)
 CAMERAS = tuple(
@@ -130,6 +137,26 @@ def test_what_one_camera_does_not_see_has_no_position(device: Device) -> None:
     for values in (result.displacement, result.sigma, result.left):
         assert np.isnan(values[lost]).all() and np.isfinite(values[~lost]).all()
     assert sum(result.counts().values()) == len(result.points)
+
+
+def test_pairs_are_told_one_by_one_and_need_both_images(device: Device) -> None:
+    seen = views(device, np.inf)
+    told: list[tuple[int, float]] = []
+    options = {"subset": 21, "step": 28, "roi": ROI}
+    pairs = [[seen.after[k], seen.before[k]] for k in range(2)]
+
+    def tell(number: int, one: StereoResult) -> None:
+        told.append((number, np.nanmedian(one.sigma) if one.ok.any() else np.nan))
+
+    results = stereo_dic(*seen.before, *pairs, RIG, progress=tell, **options)
+    assert told == [(k, np.nanmedian(one.sigma)) for k, one in enumerate(results)]
+    assert np.nanmedian(results[1].displacement[:, 0]) == pytest.approx(0.0, abs=1e-6)
+    assert np.nanmedian(results[0].displacement[:, 0]) > 1e-4
+    with pytest.raises(InputError, match="more images of one camera; expected pairs"):
+        stereo_dic(*seen.before, pairs[0], pairs[1][:1], RIG, **options)
+    blank = np.full_like(seen.before[0], 0.3)
+    nothing = stereo_dic(blank, blank, [blank] * 2, [blank] * 2, RIG, progress=tell, **options)
+    assert [one.ok.any() for one in nothing] == [False, False] and len(told) == 4
 
 
 def test_features_may_be_missing(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:

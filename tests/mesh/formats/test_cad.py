@@ -199,6 +199,18 @@ def test_files_on_which_gmsh_dies_or_hangs(files: Path, tmp_path: Path) -> None:
         mesh_cad(hangs, size=5.0, time_limit=1.5)
 
 
+@pytest.mark.parametrize("fault", ["OSError('libGLU.so.1')", "ImportError('libGL.so.1')"])
+def test_a_gmsh_that_cannot_be_loaded(
+    files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str
+) -> None:
+    (tmp_path / "gmsh.py").write_text(f"raise {fault}")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "gmsh", raising=False)
+    words = r"gmsh can't be loaded; got libGLU?\.so\.1; expected .*apt install libgl1 .*pip install"
+    with pytest.raises(InputError, match=words):
+        mesh_cad(files / "box.step", size=5.0)
+
+
 def test_what_cannot_be_meshed(files: Path, tmp_path: Path) -> None:
     for name, words in (("face.step", "no solid; got 1 faces"), ("absent.step", "not found")):
         with pytest.raises(InputError, match=words):

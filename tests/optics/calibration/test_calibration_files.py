@@ -212,6 +212,11 @@ def test_refusals_leave_nothing(tmp_path: Path) -> None:
         gs.write_calibration_files(tmp_path, rigs, ["vic", "dice"])
     with pytest.raises(InputError, match="format; got 'gom'; expected one of opencv, kalibr"):
         gs.write_calibration_files(tmp_path, [camera], ["gom"])
+    for names in (("cam 1", "cam_1"), ("camera", "camera")):
+        pair = [replace(camera, name=name) for name in names]
+        for format in ("opencv", "vic"):
+            with pytest.raises(InputError, match=f"cameras; got names .*{names[0]}.*different"):
+                gs.write_calibration_files(tmp_path, pair, [format])
     assert not list(tmp_path.iterdir())
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -96,6 +98,37 @@ def test_a_stereo_pair_as_the_samples_of_opencv_write_it(tmp_path: Path) -> None
     ):  # fmt: skip
         want = cv2.projectPoints(X, cv2.Rodrigues(turn)[0], shift, matrix, bent)[0].reshape(-1, 2)
         assert np.abs(camera.project(X / 1000.0) - want).max() < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("key", "entry"),
+    [
+        ("M1", lambda read: read[0].K[0, 0]),
+        ("D2", lambda read: read[1].distortion[0]),
+        ("T", lambda read: read[1].camera_from_world[0, 3]),
+        ("camera_matrix", lambda read: read[0].K[0, 0]),
+        ("distortion_coefficients", lambda read: read[0].distortion[0]),
+    ],
+)
+def test_a_file_of_opencv_changed_in_one_of_two_places(
+    tmp_path: Path, key: str, entry: Callable[[list[gs.Camera]], float]
+) -> None:
+    """Such a file tells each camera in a list, and in keys of OpenCV's samples beside it."""
+    path, cameras = tmp_path / "rig.yml", pair([0.1, -0.05, 4e-4, 6e-4, 0.02])
+    gs.write_calibration(path, cameras if len(key) < 3 else cameras[:1], "opencv", unit="mm")
+    text = path.read_text()
+
+    def without_list() -> float:
+        path.write_text(path.read_text().partition("\ncameras:")[0] + "\n")
+        return entry(gs.read_calibration(path, (1282, 941)))
+
+    larger = re.compile(rf"(^{key}:.*?data: \[\s*)([^,\s]+)", re.MULTILINE | re.DOTALL)
+    path.write_text(larger.sub(lambda m: f"{m[1]}{1.25 * float(m[2])!r}", text, count=1))
+    with pytest.raises(InputError, match=r"cameras\[[01]\]: .* change both, or delete these keys"):
+        gs.read_calibration(path)
+    changed = without_list()
+    path.write_text(text)
+    assert changed == pytest.approx(1.25 * without_list())
 
 
 def test_a_file_of_matchid(tmp_path: Path) -> None:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import get_args
 
 import cv2
 import numpy as np
 import pytest
 
 import gpusim as gs
+from gpusim.choices import LengthUnit
 from gpusim.errors import InputError
 from gpusim.files.input_file import read_input
+from gpusim.optics.calibration.formats import UNITS
 from tests.cli.test_dic_cameras import BASELINE, DISTANCE, HEIGHT, WIDTH, K, picture, run
 
 ENDINGS = [
@@ -111,3 +114,7 @@ def test_a_rig_in_metres_measures_in_millimetres_and_odd_units_warn(tmp_path: Pa
         odd = far < 5.0
         assert ("the unit of its lengths looks wrong" in " ".join(done.output.split())) == odd
         assert ("looks wrong" in page) == odd
+
+
+def test_units_are_those_that_users_choose_from() -> None:
+    assert tuple(UNITS) == get_args(LengthUnit)

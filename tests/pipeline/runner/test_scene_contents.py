@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -108,11 +109,16 @@ def test_tables_of_cameras_stay_tables() -> None:
 
 def test_refusals() -> None:
     made = scene()
-    for frame in (2, -1):
-        with pytest.raises(InputError, match=f"scene 'bar': frame; got {frame}; expected 0 to 1"):
-            made.surfaces(frame)
-        with pytest.raises(InputError, match=f"frame; got {frame}"):
-            made.solution()["bar"].displacement(frame)
+    bar = made.solution()["bar"]
+    for frame in (2, -1, 0.5, float("nan"), True, "1", [1], np.array([0, 1])):
+        words = f"scene 'bar': frame; got {frame!r}; expected a whole number from 0 to 1"
+        with pytest.raises(InputError, match=re.escape(words)):
+            made.surfaces(frame)  # type: ignore[arg-type]
+        for told in (bar.displacement, bar.reactions):
+            with pytest.raises(InputError, match=re.escape(words)):
+                told(frame)  # type: ignore[arg-type]
+    for number in (np.int64(1), np.uint8(1), np.array(1)):
+        assert (made.surfaces(number)[1].points == made.surfaces(1)[1].points).all()  # type: ignore[arg-type]
     several = small_scene(variant=[{"name": "a"}, {"name": "b"}])
     with pytest.raises(InputError, match=r"got variants; expected one of scene.variant\('a'\)"):
         several.surfaces(0)

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from gpusim.errors import Fault, SceneError
+from gpusim.optics.calibration.formats import FORMATS
 from gpusim.scene import Scene, load_scene
 
 Document = dict[str, Any]
@@ -159,7 +160,6 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
         ("body.0.paint.1.line.count", 100, "body.0.paint.1.line", "overlap"),
         ("body.0.paint.1.up", [0.0, 1.0, 0.0], "body.0.paint.1.up", "along the normal"),
         ("body.0.support.0.where", {}, "body.0.support.0.where", "whole body"),
-        ("body.0.support.0.fix", ..., "body.0.support.0.fix", "missing"),
         ("body.0.support.0.fix", ["x", "x"], "body.0.support.0.fix", "twice"),
         ("body.0.load.0.where.x_max_mm", 4.0, "body.0.load.0.where.x_min_mm", "empty range"),
         ("body.0.mesh.length_mm", 110.0, "body.0.mesh.length_mm", "too short"),
@@ -274,6 +274,23 @@ def test_support_moves_only_what_it_holds(crane: Document) -> None:
     assert Scene.from_document(changed).bodies[0].supports[0].fix == ("z",)
     changed["body"][0]["support"][0]["displacement_mm"] = [1.0, 0.0, -5.0]
     assert set(faults(changed)) == {"body.0.support.0.displacement_mm"}
+
+
+def test_a_support_holds_all_directions_unless_it_says_which(crane: Document) -> None:
+    changed = with_value(crane, "body.0.support.0.fix", ...)
+    assert Scene.from_document(changed).bodies[0].supports[0].fix == ("x", "y", "z")
+
+
+def test_cameras_beyond_what_a_calibration_file_takes(crane: Document) -> None:
+    most = FORMATS["dice"].most
+    camera = crane["camera"][0]
+    changed = with_value(crane, "output.calibration", ["opencv", "dice"])
+    changed["camera"] += [{**camera, "name": f"more-{k}"} for k in range(most - 1)]
+    assert len(Scene.from_document(changed).cameras) == most
+    changed["camera"].append({**camera, "name": "last"})
+    ((key, fault),) = faults(changed).items()
+    assert key == "output.calibration" and fault.got == f"{most + 1} cameras"
+    assert fault.expected == f"at most {most}"
 
 
 def test_pixels_that_are_not_square_can_be_stated(crane: Document) -> None:

@@ -67,6 +67,7 @@ def told(scene: Scene, path: str, value: Any) -> str:
          "solved goes into [body.field] file, or `gpusim render --field FILE`"),
         ("analysis.geometry", "nonlinear", "analysis.geometry: no such key yet (it is linear; what "
          "another program has solved goes into [body.field] file"),
+        ("load", [{"name": "pull"}], "load: unknown key (did you mean body.load?)"),
         ("video", {"format": "mp4"}, "video: no such key yet (pictures are files; `ffmpeg "),
         ("analysis.type", "statik", 'analysis.type: unknown value; got "statik"; expected'),
         ("analysis.type", ["static"], 'analysis.type: unknown value; got ["static"]; expected'),

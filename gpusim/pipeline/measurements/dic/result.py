@@ -42,18 +42,15 @@ class FullFieldResult(PointFields):
 
     @property
     def warnings(self) -> list[str]:
-        """Frames in which many points were lost, with the reasons."""
-        found = []
-        for place, frame in enumerate(self.table.frames):
-            lost, count = self.reasons(place), len(self.table.points)
-            total = sum(lost.values())
-            if total > MOST_LOST * count:
-                told = ", ".join(f"{number} {why}" for why, number in lost.items())
-                found.append(
-                    f"measure {self.name!r}: {total} of {count} points lost in frame {frame}: "
-                    f"{told}"
-                )
-        return found
+        """The frame in which most points were lost, if they are many, with the reasons."""
+        lost, count = (~self.ok).sum(axis=1), len(self.table.points)
+        frames, worst = int((lost > MOST_LOST * count).sum()), int(lost.argmax())
+        if not frames:
+            return []
+        what = f"{lost[worst]} of {count} points lost in frame {self.table.frames[worst]}"
+        more = f" (more than {100 * MOST_LOST:g} % in {frames} frames)" if frames > 1 else ""
+        told = ", ".join(f"{number} {why}" for why, number in self.reasons(worst).items())
+        return [f"measure {self.name!r}: {what}{more}: {told}"]
 
     def with_advice(self, advice: measure.Advice) -> FullFieldResult:
         """The same, and why it has these settings."""

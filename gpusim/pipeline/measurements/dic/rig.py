@@ -4,28 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from gpusim import measure
-from gpusim.optics.calibration.formats import read_calibration
+from gpusim.export.calibrated_cameras import calibrated_cameras, cameras_in_file
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.pipeline.measurements.results import MM
 from gpusim.pipeline.measurements.sources import Sources, calibrated
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
-from gpusim.validation import require
 
 Rig = tuple[measure.CalibratedCamera, measure.CalibratedCamera]
 
 
 def rig_of(cameras: Sequence[Camera]) -> Rig:
     """Two cameras (lengths in m) as a calibration has them, in mm."""
-    first = np.linalg.inv(cameras[0].camera_from_world)
-    left, right = (
-        measure.rig_camera((camera.width, camera.height), camera.K, camera.distortion,
-                           pose[:3, :3], MM * pose[:3, 3], camera.name)
-        for camera in cameras for pose in (camera.camera_from_world @ first,)
-    )  # fmt: skip
+    left, right = calibrated_cameras(cameras)
     return left, right
 
 
@@ -48,11 +39,5 @@ def rig_of_file(spec: m.CorrelationTable, scene: Scene) -> Rig:
     what = f"measure {spec.name!r} calibration {spec.calibration}"
     by_name = {camera.name: camera.resolution for camera in scene.cameras}
     sizes = [by_name[name] for name in spec.views]
-    given = read_calibration(scene.input(spec.calibration), sizes[0])
-    named = {camera.name: camera for camera in given}
-    if set(spec.views) <= set(named):
-        given = [named[name] for name in spec.views]
-    require(len(given) >= 2, what, f"{len(given)} cameras", "two")
-    got = [(camera.width, camera.height) for camera in given[:2]]
-    require(got == sizes, what, f"pictures of {got} px", f"{sizes}")
-    return rig_of(given[:2])
+    left, right = cameras_in_file(what, scene.input(spec.calibration), sizes, names=spec.views)
+    return left, right

@@ -11,6 +11,7 @@ from gpusim import measure
 from gpusim.arrays.array_types import Float
 from gpusim.errors import GpusimError
 from gpusim.measure.stereo.triangulation import Triangulated
+from gpusim.measure.targets.boards import Board
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.measurements.kinds import Kind, register
 from gpusim.pipeline.measurements.marker_checks import marker_warnings
@@ -18,7 +19,7 @@ from gpusim.pipeline.measurements.marker_detection import MarkerSet
 from gpusim.pipeline.measurements.marker_measurement import track_markers
 from gpusim.pipeline.measurements.marker_tracking import MarkerTracks
 from gpusim.pipeline.measurements.results import MM, PointTable, vector_columns
-from gpusim.pipeline.measurements.sources import Board, Sources, calibrated
+from gpusim.pipeline.measurements.sources import Sources, calibrated
 from gpusim.pipeline.measurements.stereo.result import PARAMETERS, StereoResult
 from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.scene import Scene

@@ -256,6 +256,10 @@ def test_a_blank_surface_is_told(tmp_path: Path) -> None:
         r"measure 'field0': (\d+) of \1 points lost in frame 1: \1 no texture", warning
     )
     assert report.measurements[0].verdict == "bad"
+    frames = {"load_factors": [0.0, 0.5, 1.0]}
+    report = gs.run(speckled_plate({"camera": "left"}, body=body, analysis=frames), tmp_path)
+    (warning,) = report.warnings
+    assert re.search(r"lost in frame \d \(more than 2 % in 2 frames\): \d+ no texture$", warning)
 
 
 @pytest.mark.parametrize(
