@@ -103,22 +103,21 @@ class CheckedFront(Front):
         which = np.flatnonzero(self.ok)
         if which.size < NEIGHBOURS:
             return which
-        neighbour = self._neighbours[which]
-        away = np.abs(
-            self._by_neighbours(which) - self.matches.coefficients[which, None, :, 0]
-        ).max(axis=2)
-        unsure = np.hypot(self.matches.sigma[which][:, None], self.matches.sigma[neighbour])
+        neighbour = self._neighbours[which].T
+        own = self._linear_warps.take(which, axis=2)[:, :, None]
+        displacement, slopes = self._by_neighbours(which)
+        away = np.abs(displacement - own[:, 0]).max(axis=0)
+        unsure = np.hypot(self.matches.sigma[which], self.matches.sigma[neighbour])
         # a jump bends the field before it moves a point: slopes are known sqrt(3) times worse
-        slopes = self.matches.coefficients[:, :, 1:3]
-        bent = np.abs(slopes[neighbour] - slopes[which, None]).sum(axis=3).max(axis=2)
+        bent = np.abs(slopes - own[:, 1:]).sum(axis=1).max(axis=0)
         bent -= np.maximum(MIN_SLOPE_CHANGE * self.settings.apart_px, 10.0 * unsure)
         uncertain = np.maximum(away - 4.0 * unsure - OUTLIER_PX, bent)
         # beyond the picture's border no body ends; along a mask one does
         lost = ~self.ok & ((self.mask is not None) | (self.matches.status != Status.OUTSIDE))
-        alone = lost[neighbour].any(axis=1)
+        alone = lost[neighbour].any(axis=0)
         unlike = 1.0 - self.matches.zncc[which]
         poor = unlike > POOR_CORRELATION * np.quantile(unlike, 0.25)
         residual = self.matches.residual[which]
         usual = 1.0 + POOR_RESIDUAL / self.settings.window.sum()
         poor &= residual > usual * np.quantile(residual, 0.25)
-        return np.asarray(which[(np.nan_to_num(uncertain).max(axis=1) > 0.0) | alone | poor])
+        return np.asarray(which[(np.nan_to_num(uncertain).max(axis=0) > 0.0) | alone | poor])
