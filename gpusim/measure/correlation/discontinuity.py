@@ -31,7 +31,7 @@ SAMPLES = 5  # along each side of a cell, for its share on one side of a line
 SECTORS = 6  # of half a turn, by which subsets are sorted before fine lines are tried
 # rad: from a sector's first coarse direction: to those beside both of it, and between
 STEPS = np.arange(-2, 5) * np.pi / 24
-RIDGE = 1e-6  # of the diagonal: what no pixel tells stays 0
+RIDGE = 1e-5  # of the diagonal: what no pixel tells stays 0
 KNOWN = 1e-2  # share of a jump's own sum of squares that the rest must not explain
 
 
@@ -67,14 +67,23 @@ class Discontinuities:
     length : (B,) float64, px.      sector : (B,) int64, of its coarse line's direction.
     sure : (B,) float64, what it explains over the variance that then is left: the square of its
         distance from 0 in standard deviations. For noise alone 7 on average, 25 once in 1000.
-    smooth : (B,) float64, what terms of third and fourth degree explain, likewise, less what they
-        do of noise.
     """
 
     length: Float
     sector: Long
     sure: Float
-    smooth: Float
+    _noise: Float
+    _moments: tuple[Float, ...]
+    _polynomials: Float
+    _cross: Float
+    _by_rest: Float
+
+    def smooth(self, which: Long) -> Float:
+        """What terms of third and fourth degree explain of subsets ``which``, likewise, less what
+        they do of noise: (len(which),) float64."""
+        moments = tuple(moment[which] for moment in self._moments)
+        explained = _smooth(moments, self._polynomials, self._cross[which], self._by_rest[which])
+        return explained / self._noise[which] - 2 * len(self._polynomials)
 
 
 @dataclass(frozen=True)
@@ -100,8 +109,10 @@ def fit_discontinuities(
     """
     number = min(search.cells, round(np.sqrt(weight.shape[1])))
     fields = _fields(replace(search, cells=number))
+    # single precision: what is compared differs by factors
+    weight, x, y, grey, rest = (v.astype(np.float32) for v in (weight, *slopes, grey, rest))
     cells = _cell_sums(weight, number)
-    x, y = slopes
+    slopes = x, y
     # columns: known motions by x, by y, brightness even and tilted, contrast
     asked = np.concatenate([fields.smooth, fields.sides])
     both = np.concatenate([fields.known, asked])
@@ -109,9 +120,9 @@ def fit_discontinuities(
     linear = fields.known[:3]
     light = slice(2 * terms, 2 * terms + len(linear))
     unknowns = light.stop + 1
-    normal = np.empty((count, unknowns, unknowns))
-    cross = np.empty((count, unknowns, 2, tests))
-    right = np.empty((count, unknowns))
+    normal = np.empty((count, unknowns, unknowns), dtype=np.float32)
+    cross = np.empty((count, unknowns, 2, tests), dtype=np.float32)
+    right = np.empty((count, unknowns), dtype=np.float32)
     moments = cells(x * x), cells(x * y), cells(y * y)
     blocks = [_sums(fields.known, moment, both) for moment in moments]
     for i in range(2):
@@ -145,18 +156,19 @@ def fit_discontinuities(
     sides = [m @ (fields.sides**2).T for m in moments]
     place = slice(len(fields.smooth), tests)
     length, explained, line = _best_side(sides, flat[:, :, :, place], by_rest[:, :, place])
-    smooth = _smooth(moments, fields.smooth, flat, by_rest)
     pixels = (weight > 0).sum(axis=1)
     noise = np.maximum(unexplained - explained, 1e-30) / np.maximum(pixels - unknowns - 2, 1)
-    smooth = smooth / noise - 2 * len(fields.smooth)
-    return Discontinuities(length, line * SECTORS // len(fields.sides), explained / noise, smooth)
+    return Discontinuities(
+        length, line * SECTORS // len(fields.sides), explained / noise,
+        noise, moments, fields.smooth, flat[:, :, :, : place.start], by_rest[:, :, : place.start],
+    )  # fmt: skip
 
 
 def _cell_sums(weight: Float, number: int) -> Callable[[Float], Float]:
     """Weighted sums (B, number^2), over the cells of subsets, of values (B, n)."""
     size = round(np.sqrt(weight.shape[1]))
     first = np.unique(np.arange(number) * size // number)
-    member = np.zeros((size, number))
+    member = np.zeros((size, number), dtype=np.float32)
     member[np.arange(size), np.searchsorted(first, np.arange(size), side="right") - 1] = 1.0
 
     def sums(values: Float) -> Float:
@@ -169,11 +181,13 @@ def _cell_sums(weight: Float, number: int) -> Callable[[Float], Float]:
 def _whitening(normal: Float) -> Float:
     """L^-1 (B, Q, Q), where N = L L': sums of squares that the known part explains are those of
     L^-1 c."""
+    normal = normal.astype(np.float64)
     diagonal = np.einsum("bii->bi", normal)
     scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     normal = normal * scale[:, :, None] * scale[:, None, :]
     np.einsum("bii->bi", normal)[:] += RIDGE
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(normal)) * scale[:, None, :])
+    whiten = np.linalg.inv(np.linalg.cholesky(normal)) * scale[:, None, :]
+    return whiten.astype(np.float32)
 
 
 def _best_side(tests: list[Float], cross: Float, by_rest: Float) -> tuple[Float, Float, Long]:
@@ -201,16 +215,15 @@ def _smooth(
 ) -> Float:
     """What the terms of third and fourth degree explain, (B,); ``cross`` is whitened."""
     count, terms = len(cross), len(smooth)
-    square = np.empty((count, 2, terms, 2, terms))
-    for i in range(2):
-        for j in range(2):
-            square[:, i, :, j] = _sums(smooth, moments[i + j], smooth)
+    square = np.empty((count, 2, terms, 2, terms), dtype=np.float32)
+    for i, j in ((0, 0), (0, 1), (1, 1)):
+        square[:, i, :, j] = square[:, j, :, i] = _sums(smooth, moments[i + j], smooth)
     matrix = square.reshape(count, 2 * terms, 2 * terms)
     diagonal = np.einsum("bii->bi", matrix).copy()
-    taken = cross[:, :, :, :terms].reshape(count, -1, 2 * terms)
+    taken = cross.reshape(count, cross.shape[1], 2 * terms)
     matrix = matrix - taken.transpose(0, 2, 1) @ taken
     matrix[:, np.arange(2 * terms), np.arange(2 * terms)] += RIDGE * diagonal + 1e-30
-    right = by_rest[:, :, :terms].reshape(count, -1)
+    right = by_rest.reshape(count, 2 * terms)
     return np.asarray((right * np.linalg.solve(matrix, right[:, :, None])[:, :, 0]).sum(axis=1))
 
 
@@ -237,4 +250,4 @@ def _fields(search: Search) -> _Fields:
         for offset in search.offsets:
             side = (across > offset).reshape(cells, SAMPLES, cells, SAMPLES).mean(axis=(1, 3))
             sides.append(side.ravel() - 0.5)
-    return _Fields(known, smooth, np.stack(sides))
+    return _Fields(*(v.astype(np.float32) for v in (known, smooth, np.stack(sides))))
