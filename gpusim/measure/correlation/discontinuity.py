@@ -167,13 +167,13 @@ def fit_discontinuities(
 def _cell_sums(weight: Float, number: int) -> Callable[[Float], Float]:
     """Weighted sums (B, number^2), over the cells of subsets, of values (B, n)."""
     size = round(np.sqrt(weight.shape[1]))
-    first = np.unique(np.arange(number) * size // number)
-    member = np.zeros((size, number), dtype=np.float32)
-    member[np.arange(size), np.searchsorted(first, np.arange(size), side="right") - 1] = 1.0
+    # cells begin at k size / number
+    cell = (np.arange(size) * number + number - 1) // size
+    member = (cell[:, None] == np.arange(number)).astype(np.float32)
 
     def sums(values: Float) -> Float:
         lines = ((weight * values).reshape(-1, size) @ member).reshape(-1, size, number)
-        return np.asarray(np.add.reduceat(lines, first, axis=1).reshape(len(weight), -1))
+        return np.asarray((member.T @ lines).reshape(len(weight), -1))
 
     return sums
 
