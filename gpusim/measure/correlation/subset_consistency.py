@@ -50,7 +50,7 @@ CLEAR_SIGNIFICANCE = 4.0  # … more than this times MIN_SIGNIFICANCE: noise no 
 LINE_SIGNIFICANCE = 2.4
 MAX_SMOOTH_MOTION = 0.6  # px: a part that moved by more isn't asked whether it did so smoothly
 CHUNK = 1 << 16  # pixels handled at once
-LINE_CHUNK = 64  # subsets asked for a jump at once: what they need stays in the cache
+LINE_CHUNK = 96  # subsets asked for a jump at once: what they need stays in the cache
 MAX_REMAP_SIDE = 32_000  # px: sides of the images that cv2.remap takes
 
 
