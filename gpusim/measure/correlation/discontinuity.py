@@ -113,9 +113,8 @@ def fit_discontinuities(
     w, x, y, f, e = (v.astype(np.float32) for v in (weight, *slopes, grey, rest))
     cells = _cell_sums(w, number)
     # columns: known motions by x, by y, brightness even and tilted, contrast
-    asked = np.concatenate([fields.smooth, fields.sides])
-    both = np.concatenate([fields.known, asked])
-    count, terms, tests = len(weight), len(fields.known), len(asked)
+    both = np.concatenate([fields.known, fields.smooth, fields.sides])
+    count, terms, tests = len(weight), len(fields.known), len(both) - len(fields.known)
     linear = fields.known[:3]
     light = slice(2 * terms, 2 * terms + len(linear))
     unknowns = light.stop + 1
