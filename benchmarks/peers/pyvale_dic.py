@@ -31,7 +31,7 @@ def main(folder):
         x0, y0, x1, y1 = meta["box"]
         mask[:] = False
         mask[y0 : y1 + 1, x0 : x1 + 1] = True
-        seed = [3500, (y0 + y1) // 2]
+        seed = [x1 - reference.shape[1] // 10, (y0 + y1) // 2]
     best = None
     for _ in range(meta["repeats"]):
         with tempfile.TemporaryDirectory() as out:
@@ -45,6 +45,7 @@ def main(folder):
                 subset_step=meta["step"],
                 max_displacement=meta["search_px"],
                 precision=meta["precision"],
+                shape_function="QUAD" if meta.get("shape") == "quadratic" else "AFFINE",
                 image_filter_kernel=1,
                 output_basepath=out,
                 print_level=0,
@@ -63,7 +64,7 @@ def main(folder):
 def errors(points, moved, meta):
     """RMS over both components where both codes can measure: a margin from the border."""
     if "star" in meta:
-        error = moved[np.isfinite(moved).all(axis=1), 1] - 0.5
+        error = moved[np.isfinite(moved).all(axis=1), 1] - meta["peak"]
         return {"rms": float(np.sqrt((error**2).mean()))}
     centre, margin = np.array(meta["centre"]), meta["margin"]
     inner = ((points >= margin) & (points <= 2 * centre - margin)).all(axis=1)

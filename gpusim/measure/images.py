@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from math import ceil
 from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 import scipy
@@ -239,12 +240,8 @@ class SplineImage:
         slope = WEIGHTS[:5, 1]
         # tap -2 of pixel 0 is padded coefficient 1
         inner = self.coefficients[y0 + 1 : y1 + 5, x0 + 1 : x1 + 5]
-        by_x = _along(_along(inner, slope, 1), value, 0)
-        by_y = _along(_along(inner, value, 1), slope, 0)
+        by_x, by_y = (
+            np.asarray(cv2.sepFilter2D(inner, cv2.CV_64F, *taps), dtype=np.float64)[2:-2, 2:-2]
+            for taps in ((slope, value), (value, slope))
+        )
         return by_x, by_y
-
-
-def _along(array: Float, taps: Float, axis: int) -> Float:
-    """Correlate with five taps along ``axis``, keeping only fully covered positions."""
-    result: Float = scipy.ndimage.correlate1d(array, taps, axis=axis, mode="nearest")
-    return result[2:-2] if axis == 0 else result[:, 2:-2]

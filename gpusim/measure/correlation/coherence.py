@@ -16,7 +16,7 @@ from gpusim.measure.correlation.icgn import correlate
 from gpusim.measure.correlation.image_pair import Subsets
 from gpusim.measure.correlation.matching import Status
 from gpusim.measure.correlation.propagation import NEIGHBOURS, Front
-from gpusim.measure.correlation.subset_consistency import inconsistent_subsets
+from gpusim.measure.correlation.subset_consistency import MAX_SPREAD, inconsistent_subsets
 
 OUTLIER_PX = 0.01  # px beyond four standard deviations: further from what a neighbour says, look
 # 1 - correlation over the lower quartile of all points
@@ -29,6 +29,9 @@ CENTRE_SHARE = 0.6  # of a subset's width: its middle, asked by itself
 # lost neighbours that settle a doubt where noise hardly explains it, else twice as many
 MIN_REJECTED_NEIGHBOURS = 3
 BESIDE_EDGES = (Status.INCOHERENT, Status.NO_TEXTURE, Status.LOW_CORRELATION, Status.NOT_CONVERGED)
+DOUBTFUL_SPREAD = 0.5  # of MAX_SPREAD: what a match says of it needn't be exact
+# px times the root of the number of pixels: what noise alone tells is as uncertain as 0.56
+DOUBTFUL_SIGMA = 0.3
 MANY_STRIPED = 0.1  # share of what was looked at with slopes one way only: look at everything
 
 
@@ -43,7 +46,7 @@ class CheckedFront(Front):
         if not (self._looks_at_parts and self.ok.any()):
             return
         which, usual = self._outliers(), self._usual()
-        one_sided, striped = self._one_sided(which, usual)
+        one_sided, striped = self._one_sided_matches(which, usual)
         # the pattern itself may have slopes one way only
         if striped.any() and striped.mean() > MANY_STRIPED:
             others = np.setdiff1d(np.flatnonzero(self.ok), which)
@@ -62,9 +65,21 @@ class CheckedFront(Front):
                 return
             near = distinct(self._neighbours[which[~self.ok[which]]])
             which = near[self.ok[near] & ~asked[near]]
-            one_sided, _ = self._one_sided(which, usual)
+            one_sided, _ = self._one_sided_matches(which, usual)
         if uncertain.any() and len(self.points) >= NEIGHBOURS:
             self._resolve_uncertain(uncertain & self.ok, likely)
+
+    def _one_sided_matches(self, which: Long, usual: float) -> tuple[Bool, Bool]:
+        """`_one_sided` of measured points: of those that their match leaves in doubt.
+
+        With a change of light to be told, too, that says no less of how uncertain a point is.
+        """
+        sigma, residual = self.matches.sigma[which], self.matches.residual[which]
+        doubt = sigma > DOUBTFUL_SPREAD * MAX_SPREAD * usual * np.sqrt(residual)
+        doubt |= sigma > DOUBTFUL_SIGMA / np.sqrt(self.settings.window.sum())
+        found = np.zeros((2, which.size), dtype=np.bool_)
+        found[:, doubt] = self._one_sided(which[doubt], usual)
+        return found[0], found[1]
 
     def _resolve_uncertain(self, uncertain: Bool, likely: Bool) -> None:
         """Give up uncertain subsets beside lost ones: an edge goes on, short waves have none.
@@ -103,22 +118,21 @@ class CheckedFront(Front):
         which = np.flatnonzero(self.ok)
         if which.size < NEIGHBOURS:
             return which
-        neighbour = self._neighbours[which]
-        away = np.abs(
-            self._by_neighbours(which) - self.matches.coefficients[which, None, :, 0]
-        ).max(axis=2)
-        unsure = np.hypot(self.matches.sigma[which][:, None], self.matches.sigma[neighbour])
+        neighbour = self._neighbours[which].T
+        own = self._linear_warps.take(which, axis=2)[:, :, None]
+        displacement, slopes = self._by_neighbours(which)
+        away = np.abs(displacement - own[:, 0]).max(axis=0)
+        unsure = np.hypot(self.matches.sigma[which], self.matches.sigma[neighbour])
         # a jump bends the field before it moves a point: slopes are known sqrt(3) times worse
-        slopes = self.matches.coefficients[:, :, 1:3]
-        bent = np.abs(slopes[neighbour] - slopes[which, None]).sum(axis=3).max(axis=2)
+        bent = np.abs(slopes - own[:, 1:]).sum(axis=1).max(axis=0)
         bent -= np.maximum(MIN_SLOPE_CHANGE * self.settings.apart_px, 10.0 * unsure)
         uncertain = np.maximum(away - 4.0 * unsure - OUTLIER_PX, bent)
         # beyond the picture's border no body ends; along a mask one does
         lost = ~self.ok & ((self.mask is not None) | (self.matches.status != Status.OUTSIDE))
-        alone = lost[neighbour].any(axis=1)
+        alone = lost[neighbour].any(axis=0)
         unlike = 1.0 - self.matches.zncc[which]
         poor = unlike > POOR_CORRELATION * np.quantile(unlike, 0.25)
         residual = self.matches.residual[which]
         usual = 1.0 + POOR_RESIDUAL / self.settings.window.sum()
         poor &= residual > usual * np.quantile(residual, 0.25)
-        return np.asarray(which[(np.nan_to_num(uncertain).max(axis=1) > 0.0) | alone | poor])
+        return np.asarray(which[(np.nan_to_num(uncertain).max(axis=0) > 0.0) | alone | poor])

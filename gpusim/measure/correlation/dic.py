@@ -155,7 +155,7 @@ def _measure_all(
 def _seed(front: Front, start: Start, search_px: int) -> None:
     """Measure a coarse lattice of points without knowing where they went."""
     open_ = np.flatnonzero(~front.closed)
-    chosen = open_[seeds(front.points[open_])]
+    chosen = open_[seeds(front.points[open_], front.spacing)]
     if start != "features":
         front.search_seeds(chosen, search_px)
         if _found(front, chosen) < MIN_FOUND_SEEDS:

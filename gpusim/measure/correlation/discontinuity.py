@@ -24,14 +24,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from gpusim.arrays.array_types import Float, Long
+from gpusim.arrays.array_types import Float, Long, Single
 
 DEGREES = (3, 4)  # of the polynomials that a jump is compared with
 SAMPLES = 5  # along each side of a cell, for its share on one side of a line
 SECTORS = 6  # of half a turn, by which subsets are sorted before fine lines are tried
 # rad: from a sector's first coarse direction: to those beside both of it, and between
 STEPS = np.arange(-2, 5) * np.pi / 24
-RIDGE = 1e-6  # of the diagonal: what no pixel tells stays 0
+RIDGE = 1e-5  # of the diagonal: what no pixel tells stays 0
 KNOWN = 1e-2  # share of a jump's own sum of squares that the rest must not explain
 
 
@@ -64,26 +64,35 @@ FINE = tuple(
 class Discontinuities:
     """The jump that explains most of what is left in each of B subsets.
 
-    length : (B,) float64, px.      sector : (B,) int64, of its coarse line's direction.
-    sure : (B,) float64, what it explains over the variance that then is left: the square of its
+    length : (B,) float32, px.      sector : (B,) int64, of its coarse line's direction.
+    sure : (B,) float32, what it explains over the variance that then is left: the square of its
         distance from 0 in standard deviations. For noise alone 7 on average, 25 once in 1000.
-    smooth : (B,) float64, what terms of third and fourth degree explain, likewise, less what they
-        do of noise.
     """
 
-    length: Float
+    length: Single
     sector: Long
-    sure: Float
-    smooth: Float
+    sure: Single
+    _noise: Single
+    _moments: tuple[Single, ...]
+    _polynomials: Single
+    _cross: Single
+    _by_rest: Single
+
+    def smooth(self, which: Long) -> Single:
+        """What terms of third and fourth degree explain of subsets ``which``, likewise, less what
+        they do of noise: (len(which),) float32."""
+        moments = tuple(moment[which] for moment in self._moments)
+        explained = _smooth(moments, self._polynomials, self._cross[which], self._by_rest[which])
+        return explained / self._noise[which] - 2 * len(self._polynomials)
 
 
 @dataclass(frozen=True)
 class _Fields:
     """Motions of a subset's cells, (., cells^2): what is fitted, what is asked for beside it."""
 
-    known: Float
-    smooth: Float
-    sides: Float
+    known: Single
+    smooth: Single
+    sides: Single
 
 
 def fit_discontinuities(
@@ -100,83 +109,85 @@ def fit_discontinuities(
     """
     number = min(search.cells, round(np.sqrt(weight.shape[1])))
     fields = _fields(replace(search, cells=number))
-    cells = _cell_sums(weight, number)
-    x, y = slopes
+    # single precision: what is compared differs by factors
+    w, x, y, f, e = (v.astype(np.float32) for v in (weight, *slopes, grey, rest))
+    cells = _cell_sums(w, number)
     # columns: known motions by x, by y, brightness even and tilted, contrast
-    asked = np.concatenate([fields.smooth, fields.sides])
-    both = np.concatenate([fields.known, asked])
-    count, terms, tests = len(weight), len(fields.known), len(asked)
+    both = np.concatenate([fields.known, fields.smooth, fields.sides])
+    count, terms, tests = len(weight), len(fields.known), len(both) - len(fields.known)
     linear = fields.known[:3]
     light = slice(2 * terms, 2 * terms + len(linear))
     unknowns = light.stop + 1
-    normal = np.empty((count, unknowns, unknowns))
-    cross = np.empty((count, unknowns, 2, tests))
-    right = np.empty((count, unknowns))
+    normal = np.empty((count, unknowns, unknowns), dtype=np.float32)
+    cross = np.empty((count, unknowns, 2, tests), dtype=np.float32)
+    right = np.empty((count, unknowns), dtype=np.float32)
     moments = cells(x * x), cells(x * y), cells(y * y)
     blocks = [_sums(fields.known, moment, both) for moment in moments]
-    for i in range(2):
+    for i, slope in enumerate((x, y)):
         rows = slice(i * terms, (i + 1) * terms)
         for j in range(2):
             normal[:, rows, j * terms : (j + 1) * terms] = blocks[i + j][:, :, :terms]
             cross[:, rows, j] = blocks[i + j][:, :, terms:]
-        block = _sums(linear, cells(slopes[i]), both)
+        block = _sums(linear, cells(slope), both)
         normal[:, light, rows] = block[:, :, :terms]
         normal[:, rows, light] = block[:, :, :terms].transpose(0, 2, 1)
         cross[:, light, i] = block[:, :, terms:]
-        along = cells(slopes[i] * grey) @ both.T
+        along = cells(slope * f) @ both.T
         normal[:, -1, rows] = normal[:, rows, -1] = along[:, :terms]
         cross[:, -1, i] = along[:, terms:]
-    normal[:, light, light] = _sums(linear, cells(np.ones_like(grey)), linear)
-    normal[:, -1, light] = normal[:, light, -1] = cells(grey) @ linear.T
-    normal[:, -1, -1] = (weight * grey * grey).sum(axis=1)
-    sums = np.stack([cells(slope * rest) @ both.T for slope in slopes], axis=1)
+    normal[:, light, light] = _sums(linear, cells(np.ones_like(f)), linear)
+    normal[:, -1, light] = normal[:, light, -1] = cells(f) @ linear.T
+    normal[:, -1, -1] = (w * f * f).sum(axis=1)
+    sums = np.stack([cells(slope * e) @ both.T for slope in (x, y)], axis=1)
     right[:, : light.start] = sums[:, :, :terms].reshape(count, -1)
-    right[:, light] = cells(rest) @ linear.T
-    right[:, -1] = (weight * grey * rest).sum(axis=1)
+    right[:, light] = cells(e) @ linear.T
+    right[:, -1] = (w * f * e).sum(axis=1)
 
     # what the known part explains is taken out of everything
     whiten = _whitening(normal)
     flat = whiten @ cross.reshape(count, unknowns, -1)
     scaled = whiten @ right[:, :, None]
     by_rest = sums[:, :, terms:] - (flat.transpose(0, 2, 1) @ scaled).reshape(count, 2, tests)
-    unexplained = (weight * rest * rest).sum(axis=1) - (scaled[:, :, 0] ** 2).sum(axis=1)
+    unexplained = (w * e * e).sum(axis=1) - (scaled[:, :, 0] ** 2).sum(axis=1)
 
     flat = flat.reshape(count, unknowns, 2, tests)
     sides = [m @ (fields.sides**2).T for m in moments]
     place = slice(len(fields.smooth), tests)
     length, explained, line = _best_side(sides, flat[:, :, :, place], by_rest[:, :, place])
-    smooth = _smooth(moments, fields.smooth, flat, by_rest)
-    pixels = (weight > 0).sum(axis=1)
+    pixels = (w > 0).sum(axis=1)
     noise = np.maximum(unexplained - explained, 1e-30) / np.maximum(pixels - unknowns - 2, 1)
-    smooth = smooth / noise - 2 * len(fields.smooth)
-    return Discontinuities(length, line * SECTORS // len(fields.sides), explained / noise, smooth)
+    return Discontinuities(
+        length, line * SECTORS // len(fields.sides), explained / noise,
+        noise, moments, fields.smooth, flat[:, :, :, : place.start], by_rest[:, :, : place.start],
+    )  # fmt: skip
 
 
-def _cell_sums(weight: Float, number: int) -> Callable[[Float], Float]:
+def _cell_sums(weight: Single, number: int) -> Callable[[Single], Single]:
     """Weighted sums (B, number^2), over the cells of subsets, of values (B, n)."""
     size = round(np.sqrt(weight.shape[1]))
-    first = np.unique(np.arange(number) * size // number)
-    member = np.zeros((size, number))
-    member[np.arange(size), np.searchsorted(first, np.arange(size), side="right") - 1] = 1.0
+    # cells begin at k size / number
+    cell = (np.arange(size) * number + number - 1) // size
+    member = (cell[:, None] == np.arange(number)).astype(np.float32)
 
-    def sums(values: Float) -> Float:
+    def sums(values: Single) -> Single:
         lines = ((weight * values).reshape(-1, size) @ member).reshape(-1, size, number)
-        return np.asarray(np.add.reduceat(lines, first, axis=1).reshape(len(weight), -1))
+        return np.asarray((member.T @ lines).reshape(len(weight), -1))
 
     return sums
 
 
-def _whitening(normal: Float) -> Float:
+def _whitening(normal: Single) -> Single:
     """L^-1 (B, Q, Q), where N = L L': sums of squares that the known part explains are those of
     L^-1 c."""
-    diagonal = np.einsum("bii->bi", normal)
+    diagonal = np.einsum("bii->bi", normal).astype(np.float64)
     scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    normal = normal * scale[:, :, None] * scale[:, None, :]
-    np.einsum("bii->bi", normal)[:] += RIDGE
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(normal)) * scale[:, None, :])
+    scaled = normal * scale[:, :, None] * scale[:, None, :]
+    np.einsum("bii->bi", scaled)[:] += RIDGE
+    whiten = np.linalg.inv(np.linalg.cholesky(scaled)) * scale[:, None, :]
+    return whiten.astype(np.float32)
 
 
-def _best_side(tests: list[Float], cross: Float, by_rest: Float) -> tuple[Float, Float, Long]:
+def _best_side(tests: list[Single], cross: Single, by_rest: Single) -> tuple[Single, Single, Long]:
     """Length of the jump that explains most, how much, and which, (B,); ``cross`` is whitened."""
     xx, xy, yy = (
         tests[i + j] - np.einsum("bus,bus->bs", cross[:, :, i], cross[:, :, j])
@@ -194,27 +205,26 @@ def _best_side(tests: list[Float], cross: Float, by_rest: Float) -> tuple[Float,
 
 
 def _smooth(
-    moments: tuple[Float, ...],
-    smooth: Float,
-    cross: Float,
-    by_rest: Float,
-) -> Float:
+    moments: tuple[Single, ...],
+    smooth: Single,
+    cross: Single,
+    by_rest: Single,
+) -> Single:
     """What the terms of third and fourth degree explain, (B,); ``cross`` is whitened."""
     count, terms = len(cross), len(smooth)
-    square = np.empty((count, 2, terms, 2, terms))
-    for i in range(2):
-        for j in range(2):
-            square[:, i, :, j] = _sums(smooth, moments[i + j], smooth)
+    square = np.empty((count, 2, terms, 2, terms), dtype=np.float32)
+    for i, j in ((0, 0), (0, 1), (1, 1)):
+        square[:, i, :, j] = square[:, j, :, i] = _sums(smooth, moments[i + j], smooth)
     matrix = square.reshape(count, 2 * terms, 2 * terms)
     diagonal = np.einsum("bii->bi", matrix).copy()
-    taken = cross[:, :, :, :terms].reshape(count, -1, 2 * terms)
+    taken = cross.reshape(count, cross.shape[1], 2 * terms)
     matrix = matrix - taken.transpose(0, 2, 1) @ taken
     matrix[:, np.arange(2 * terms), np.arange(2 * terms)] += RIDGE * diagonal + 1e-30
-    right = by_rest[:, :, :terms].reshape(count, -1)
+    right = by_rest.reshape(count, 2 * terms)
     return np.asarray((right * np.linalg.solve(matrix, right[:, :, None])[:, :, 0]).sum(axis=1))
 
 
-def _sums(first: Float, moments: Float, second: Float) -> Float:
+def _sums(first: Single, moments: Single, second: Single) -> Single:
     """Sums over cells of first_i moment second_j: (B, len(first), len(second))."""
     # one product of two matrices: a stack of them would be one call of BLAS each
     rows = (moments[:, None, :] * first).reshape(-1, first.shape[1])
@@ -237,4 +247,4 @@ def _fields(search: Search) -> _Fields:
         for offset in search.offsets:
             side = (across > offset).reshape(cells, SAMPLES, cells, SAMPLES).mean(axis=(1, 3))
             sides.append(side.ravel() - 0.5)
-    return _Fields(known, smooth, np.stack(sides))
+    return _Fields(*(v.astype(np.float32) for v in (known, smooth, np.stack(sides))))

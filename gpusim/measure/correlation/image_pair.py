@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 import wgpu
+from numpy.lib.stride_tricks import sliding_window_view
 
 from gpusim.arrays.array_types import Bool, Float, Long, Single
 from gpusim.errors import InputError
@@ -182,14 +183,12 @@ class Pair:
 
         Those of the whole crop are kept only where that is small.
         """
+        fits = size <= min(self.reference.pixels.shape)
+        if fits and not self.sparse and self.reference.pixels.size <= KEEP_PLANES:
+            windows = sliding_window_view(self.planes, (size, size), axis=(0, 1))
+            return windows[y, x].transpose(0, 2, 3, 1).reshape(x.size, size * size, 4)
         subsets = np.zeros((x.size, size, size, 4))
-        if size > min(self.reference.pixels.shape):
-            pass  # no subset fits
-        elif not self.sparse and self.reference.pixels.size <= KEEP_PLANES:
-            offset = np.arange(size)
-            rows, columns = y[:, None] + offset, x[:, None] + offset
-            subsets[...] = self.planes[rows[:, :, None], columns[:, None, :]]
-        else:
+        if fits:
             for i, (left, top) in enumerate(zip(x.tolist(), y.tolist(), strict=True)):
                 self.fill_planes((left, top, left + size, top + size), subsets[i])
         return subsets.reshape(x.size, size * size, 4)

@@ -24,7 +24,7 @@ from gpusim.measure.correlation.pixel_mask import box_means, without_pixels
 from gpusim.measure.correlation.plain_subsets import neighbour_differences, plain_subsets
 from gpusim.measure.correlation.start_values import Motion, integer_search
 from gpusim.measure.correlation.subset_consistency import one_sided_texture, usual_spread
-from gpusim.measure.images import Image, SplineImage, point_spacing
+from gpusim.measure.images import Image, SplineImage
 from gpusim.parallel.machine import processors
 from gpusim.parallel.threads import shared
 
@@ -42,16 +42,19 @@ USUAL = 64  # measured points that tell how well points with texture all around 
 RECHECK_PX = 0.5  # px: further from what its neighbours say, a point is looked at again
 
 
-def seeds(points: Float) -> Long:
-    """One point per cell of 8x8 points, the one nearest to the cell's centre."""
+def seeds(points: Float, spacing: float) -> Long:
+    """One point per cell of 8x8 points, the one nearest to the cell's centre.
+
+    ``spacing`` is the usual distance of neighbours, px.
+    """
     if len(points) < 4:
         return np.arange(len(points))
-    size = SEED_EVERY * max(point_spacing(points), 1.0)
+    size = SEED_EVERY * max(spacing, 1.0)
     cell = np.floor((points - points.min(axis=0)) / size)
     offset = np.hypot(*((points - points.min(axis=0)) / size - cell - 0.5).T)
     order = np.lexsort([offset, cell[:, 0], cell[:, 1]])
-    _, first = np.unique(cell[order], axis=0, return_index=True)
-    return np.sort(order[first])
+    is_first = np.any(np.diff(cell[order], axis=0, prepend=-1.0) != 0.0, axis=1)
+    return np.sort(order[is_first])
 
 
 @dataclass(eq=False)
@@ -151,8 +154,10 @@ class Front:
     def _give_up_beside(self, lost: Long) -> None:
         """Count as without texture what sees a body from its background: points beside ``lost``
         ones with their texture to one side. They hardly converge and are given up in the end."""
+        if not (lost.size and self._looks_at_parts and len(self.points) >= NEIGHBOURS):
+            return
         usual, untold = self._usual(), self._open
-        while lost.size and self._looks_at_parts and len(self.points) >= NEIGHBOURS:
+        while lost.size:
             near = distinct(self._neighbours[lost])
             near = near[untold[near]]
             untold[near] = False
@@ -256,14 +261,14 @@ class Front:
         ok = self.ok
         displacements = self.matches.coefficients[:, :, 0]
         which = np.flatnonzero(ok & (ok[neighbour].sum(axis=1) >= NEIGHBOURS // 2))
-        extrapolated = self._by_neighbours(which)
+        extrapolated, _ = self._by_neighbours(which)
         # a median is away from a point only if a neighbour is
-        away = np.abs(extrapolated - displacements[which, None]) > RECHECK_PX
-        odd = away.any(axis=(1, 2))
-        which, extrapolated = which[odd], extrapolated[odd]
+        away = np.abs(extrapolated - displacements[which].T[:, None]) > RECHECK_PX
+        odd = away.any(axis=(0, 1))
+        which, extrapolated = which[odd], extrapolated[:, :, odd]
         if which.size == 0:
             return
-        middle = np.nanmedian(extrapolated, axis=1)
+        middle = np.nanmedian(extrapolated, axis=1).T
         odd = np.abs(middle - displacements[which]).max(axis=1) > RECHECK_PX
         self.attempt(which[odd], middle[odd])
 
@@ -289,13 +294,21 @@ class Front:
         return np.where(self.ok, noise, np.median(noise[self.ok]) if self.ok.any() else 0.0)
 
     @cached_property
+    def _nearest(self) -> tuple[Float, Long]:
+        """Distances, px, and which, (M, 8): the points nearest to each, nearest first."""
+        number = np.arange(2, min(NEIGHBOURS, len(self.points)) + 1)
+        tree = scipy.spatial.cKDTree(self.points)
+        away, which = tree.query(self.points, k=number, workers=processors())
+        return np.asarray(away, dtype=np.float64), np.asarray(which, dtype=np.int64)
+
+    @property
     def _neighbours(self) -> Long:
-        """(M, 8) the points nearest to each, nearest first."""
-        number = min(NEIGHBOURS, len(self.points))
-        nearest = scipy.spatial.cKDTree(self.points).query(
-            self.points, k=number, workers=processors()
-        )[1]
-        return np.asarray(nearest, dtype=np.int64)[:, 1:]
+        return self._nearest[1]
+
+    @property
+    def spacing(self) -> float:
+        """Median distance of the points from their nearest neighbours, px; 0 of one point."""
+        return float(np.median(self._nearest[0][:, 0])) if len(self.points) > 1 else 0.0
 
     def _best_neighbours(self, which: Long) -> tuple[Long, Bool]:
         """The best correlated of the measured neighbours of points (K,); whether there is one."""
@@ -304,10 +317,21 @@ class Front:
         source = neighbour[np.arange(which.size), np.argmax(score, axis=1)]
         return source, np.asarray(score.max(axis=1) > 0)
 
-    def _by_neighbours(self, which: Long) -> Float:
-        """Displacements (K, N, 2) of points as each of their neighbours says."""
-        columns = self._neighbours[which].T
-        return np.stack([self._extrapolated(which, source)[0] for source in columns], axis=1)
+    @property
+    def _linear_warps(self) -> Float:
+        """(2, 3, M) displacement and its slopes of all points."""
+        return np.ascontiguousarray(self.matches.coefficients[:, :, :3].transpose(1, 2, 0))
+
+    def _by_neighbours(self, which: Long) -> tuple[Float, Float]:
+        """Displacements (2, N, K) of points as each of their neighbours says; its slopes by a, b
+        (2, 2, N, K)."""
+        source = np.ascontiguousarray(self._neighbours[which].T)
+        points = np.ascontiguousarray(self.points.T)
+        offset = (points[:, None, which] - points.take(source, axis=1)) / self.settings.half
+        # take, not an index, which would lay them out point by point
+        warp = self._linear_warps.take(source, axis=2)
+        moved = warp[:, 0] + (warp[:, 1] * offset[0] + warp[:, 2] * offset[1])
+        return np.asarray(moved), np.asarray(warp[:, 1:])
 
     def _extrapolated(self, which: Long, source: Long) -> tuple[Float, Float]:
         """Displacements and slopes of points as their sources' warps continue to them.

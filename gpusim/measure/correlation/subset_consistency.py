@@ -16,7 +16,7 @@ from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.measure.correlation.discontinuity import COARSE, FINE, fit_discontinuities
 from gpusim.measure.correlation.image_pair import Pair, subset_pixels
 from gpusim.measure.correlation.matching import Settings
-from gpusim.measure.correlation.warp import basis, steepest_descent
+from gpusim.measure.correlation.warp import COEFFICIENTS, basis, steepest_descent
 from gpusim.measure.images import SplineImage
 from gpusim.parallel.threads import shared
 
@@ -50,7 +50,7 @@ CLEAR_SIGNIFICANCE = 4.0  # … more than this times MIN_SIGNIFICANCE: noise no 
 LINE_SIGNIFICANCE = 2.4
 MAX_SMOOTH_MOTION = 0.6  # px: a part that moved by more isn't asked whether it did so smoothly
 CHUNK = 1 << 16  # pixels handled at once
-LINE_CHUNK = 64  # subsets asked for a jump at once: what they need stays in the cache
+LINE_CHUNK = 96  # subsets asked for a jump at once: what they need stays in the cache
 MAX_REMAP_SIDE = 32_000  # px: sides of the images that cv2.remap takes
 
 
@@ -173,8 +173,9 @@ def _misfit(
     these in x and y, and what is left of f, all (M, n); contrast of f and total weight (M, 1)."""
     half = settings.half
     column, row, planes = _subsets(pair, points, settings)
-    terms = basis((column - points[:, :1]) / half, (row - points[:, 1:]) / half, 6)
-    motion = np.einsum("bik,kbn->ibn", coefficients, terms)
+    count = COEFFICIENTS[settings.shape]
+    terms = basis((column - points[:, :1]) / half, (row - points[:, 1:]) / half, count)
+    motion = np.einsum("bik,kbn->ibn", coefficients[:, :, :count], terms)
     x_there, y_there = column + motion[0], row + motion[1]
     weight = settings.window.ravel() * planes[..., 3]
     # at the border, what lies beyond is guessed: that looks like a strip that moved
@@ -254,13 +255,14 @@ def _inconsistent_chunk(
             sector[chunk] = jump.sector
             torn = np.maximum(jump.length, motion[chunk]) > share * settings.apart_px
             torn &= jump.sure > share * LINE_SIGNIFICANCE * sure
+            unclear = jump.length > UNCERTAIN_LENGTH * settings.apart_px
+            unclear &= jump.sure > UNCERTAIN_SIGNIFICANCE * sure
+            smooth, asked = np.full(chunk.size, np.inf), np.flatnonzero(torn | unclear)
+            smooth[asked] = jump.smooth(asked)
             clear = MAX_SMOOTH_FINE[(jump.sure > CLEAR_SIGNIFICANCE * sure).astype(np.int64)]
             most = MAX_SMOOTH_COARSE if coarse else clear
-            seen[chunk] = torn & (jump.smooth < most * jump.sure)
-            unclear = (jump.length > UNCERTAIN_LENGTH * settings.apart_px) & (
-                (jump.sure > UNCERTAIN_SIGNIFICANCE * sure)
-                & (jump.smooth < UNCERTAIN_SMOOTH * jump.sure)
-            )
+            seen[chunk] = torn & (smooth < most * jump.sure)
+            unclear &= smooth < UNCERTAIN_SMOOTH * jump.sure
             uncertain[chunk] |= unclear
             likely[chunk] |= unclear & (jump.sure > COARSE_SHARE * LINE_SIGNIFICANCE * sure)
         open_ = np.flatnonzero(seen)

@@ -178,7 +178,7 @@ def match_views(
     """
     front = CheckedFront((left, right), points, settings, mask, blur_px, 1.0, device)
     front.take_whole_image()
-    chosen = seeds(points)
+    chosen = seeds(points, front.spacing)
     features_left, features_right = feature_matches(left, right)
     if len(features_left):
         true = paired_epipolar_distance(cameras, features_left, features_right) <= FEATURE_PX

@@ -27,7 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Single
-from gpusim.errors import OutOfDeviceMemory
+from gpusim.errors import InputError, OutOfDeviceMemory
 from gpusim.gpu import Bound, Buffer, Device, Recording, Uniform
 from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers
 from gpusim.optics.shadow.occluders import OccluderBVH, Occluders
@@ -47,7 +47,7 @@ CAPACITY = 1 << 14
 LIT, UMBRA, PENUMBRA = range(3)
 """What an entry sees of a lamp."""
 
-COUNTERS = ("taken", "sifted", "refined", "ends", "mixed")
+COUNTERS = ("taken", "sifted", "refined", "ends", "mixed", "cut")
 
 CHUNK = 128
 """Bytes of a chunk of the pool."""
@@ -157,6 +157,8 @@ class VisibleShares:
         ------
         OutOfDeviceMemory
             Lists too long for what one binding holds.
+        InputError
+            Loops over what may hide a lamp were cut short: software drivers allow so many turns.
         """
         self.trees.move(points)
         return self.found(spaces, until)
@@ -193,6 +195,12 @@ class VisibleShares:
         """Whether the pool was too small for what was recorded, which is to be done again; waits
         for the device."""
         most = self._most_chunks()
+        if any(numbers["cut"] for numbers in self.counts):
+            raise InputError(
+                "render shadows; got more triangles between a lamp and a few pixels than one "
+                "thread of this device may look at; expected some thousand: take smaller or fewer "
+                "lamps, a coarser mesh, shadows = False, or backend 'numpy'"
+            )
         if most < self.search.capacity - 1:
             return False
         self.enlarge(most + most // 8 + 2)

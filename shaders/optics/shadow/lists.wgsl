@@ -22,6 +22,9 @@ const SIFTED: u32 = 1u;
 const REFINED: u32 = 2u;
 const ENDS: u32 = 3u;
 const MIXED: u32 = 4u;
+// … and threads whose loops were cut short: llvmpipe ends all loops of a thread after 65,535 turns in all
+const CUT: u32 = 5u;
+fn note_cut(whole: bool) { if (!whole) { atomicAdd(&counters[CUT], 1u); } }
 
 fn entries() -> u32 { return 2u * receivers.groups; }
 // One more entry of a kind; and the one with a number among these.

@@ -114,7 +114,8 @@ fn main(
     var source = head.x;
     var into = head.x;
     var kept = 0u;
-    for (var j = 0u; j < head.y; j++) {
+    var j = 0u;
+    for (; j < head.y; j++) {
         if (j >= looked || (atomicLoad(&keep[j / LENGTH]) >> (j % LENGTH) & 1u) == 1u) {
             if (kept > 0u && kept % LENGTH == 0u) { into = pool[CHUNK * into + LENGTH]; }
             pool[CHUNK * into + kept % LENGTH] = pool[CHUNK * source + j % LENGTH];
@@ -122,6 +123,7 @@ fn main(
         }
         if (j % LENGTH == LENGTH - 1u && j + 1u < head.y) { source = pool[CHUNK * source + LENGTH]; }
     }
+    note_cut(j >= head.y);
     heads[entry].y = kept;
     if (kept > 0u || (head.w & CROSSES) != 0u) {
         say(entry, PENUMBRA);

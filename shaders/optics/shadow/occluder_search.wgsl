@@ -48,8 +48,8 @@ fn next_leaf(t: Shaft, start: u32) -> u32 {
 }
 
 // What hides the lamp: lists of single occluders and of ends, whether some of these may cross it, and
-// how often they turn about its middle, seen from that of the receivers.
-struct Found { alone: List, ends: List, crosses: bool, turns: i32 }
+// how often they turn about its middle, seen from that of the receivers; whether that is all.
+struct Found { alone: List, ends: List, crosses: bool, turns: i32, whole: bool }
 fn in_penumbra(f: Found) -> bool { return f.crosses || f.alone.count > 0u; }
 fn plain_state(f: Found) -> u32 { return select(LIT, UMBRA, f.turns != 0); }
 
@@ -84,6 +84,8 @@ fn search(t: Shaft, lists: bool) -> Found {
         }
         if (i == 1u || (!lists && in_penumbra(f))) { break; }
     }
+    f.whole = i == 1u;
+    if (lists) { note_cut(f.whole); }
     return f;
 }
 
@@ -178,7 +180,7 @@ fn coarse_tiles(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgrou
     coarse[id] = LIT;
     if (t.low.z > t.high.z) { return; }
     let f = search(t, false);
-    coarse[id] = select(plain_state(f), PENUMBRA, in_penumbra(f) || t.high.z >= UNLIMITED);
+    coarse[id] = select(plain_state(f), PENUMBRA, !f.whole || in_penumbra(f) || t.high.z >= UNLIMITED);
 }
 
 // As many as one dimension takes, and the rows of these; none where lists are incomplete.

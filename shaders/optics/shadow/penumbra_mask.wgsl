@@ -65,6 +65,7 @@ fn hidden_as_a_whole(r: Receiver, to: vec3f, first: u32, count: u32) -> Samples 
         if (i >= count) { break; }
         if (i % LENGTH == 0u) { chunk = pool[CHUNK * chunk + LENGTH]; }
     }
+    note_cut(i >= count);
     return Samples(any_turn(turns0), any_turn(turns1), any_turn(turns2), any_turn(turns3));
 }
 
@@ -83,6 +84,7 @@ fn visible_share(r: Receiver, head: vec4u, singles: bool) -> f32 {
         i++;
         if (i % LENGTH == 0u && i < head.y) { chunk = pool[CHUNK * chunk + LENGTH]; }
     }
+    note_cut(!singles || i >= head.y);
     // what is below the receiver's horizon doesn't light it; normals for shading may see it nevertheless
     let over = vec2f(dot(k.over, lamp.u.xyz), dot(k.over, lamp.v.xyz));
     let face = Samples(lamp.mask[0], lamp.mask[1], lamp.mask[2], lamp.mask[3]);

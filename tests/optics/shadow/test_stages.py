@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import gpusim as gs
-from gpusim.errors import OutOfDeviceMemory
+from gpusim.errors import InputError, OutOfDeviceMemory
 from gpusim.gpu import Device, twin_checks
+from gpusim.gpu.adapter import is_processor
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import AreaLight, Light, PointLight, SunLight
 from gpusim.optics.light.quadrature import lamps_of
@@ -21,7 +22,7 @@ from gpusim.optics.shadow.receivers import DevicePixels, PixelReceivers, Receive
 from gpusim.optics.shadow.sample_mask import SAMPLES
 from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.twin_checks.scenes import probe_pieces, probe_pixels, probe_points
-from tests.support.shadow_rays import box, found, on_plane, sheet
+from tests.support.shadow_rays import box, by_rays, found, on_plane, sheet
 
 STAGES = (
     "bvh_refit",
@@ -94,6 +95,33 @@ def test_lists_that_no_pool_holds(device: Device) -> None:
     occluders, _, receivers = probe_pieces()
     with pytest.raises(OutOfDeviceMemory, match="chunks of lists"):
         VisibleShares(device, occluders, receivers).enlarge(1 << 21)
+
+
+def crumbs(count: int) -> gs.Surface:
+    """Tetrahedra, turned any way, in a layer that lets half of the light through."""
+    random = np.random.default_rng(0)
+    corners = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / np.sqrt(3.0)
+    faces = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]])
+    turns = np.linalg.qr(random.normal(size=(count, 3, 3)))[0]
+    turns *= np.sign(np.linalg.det(turns))[:, None, None]
+    at = random.uniform((-0.5, -0.5, 0.45), (0.5, 0.5, 0.55), (count, 3))
+    points = at[:, None] + 0.76 / np.sqrt(count) * corners @ turns
+    numbers = faces + 4 * np.arange(count)[:, None, None]
+    return gs.Surface(points.reshape(-1, 3), numbers.reshape(-1, 3), gs.paint.Plain(0.5))
+
+
+def test_no_loop_is_cut_short_unnoticed(device: Device) -> None:
+    """Mesa's software rasteriser ends loops after 65,535 turns: 20,000 crumbs let 0.8 through."""
+    lamp = AreaLight((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.9, 0.9), 50.0)
+    own = on_plane(24, (-0.01, -0.01), (0.01, 0.01), 1e-4)
+    few = found(device, [crumbs(2000)], [lamp], own)
+    want = by_rays([crumbs(2000)], [lamp], own[:4])
+    assert np.abs(few[:4] - want).max() <= 0.06  # 400 rays
+    if is_processor(device.info):
+        with pytest.raises(InputError, match="more triangles between a lamp"):
+            found(device, [crumbs(20000)], [lamp], own)
+    else:
+        assert np.abs(found(device, [crumbs(20000)], [lamp], own) - few.mean()).max() <= 0.06
 
 
 def test_vertices_move(device: Device) -> None:
