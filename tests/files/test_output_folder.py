@@ -110,6 +110,7 @@ ALLOWED = {
     "graph/folder.py": "links and copies, under a temporary name",
     "graph/runner.py": "deletes the scratch of a stage",
     "pipeline/measurements/results.py": "np.savez into a stream of atomic_stream",
+    "pipeline/runner/scene_file.py": "renames an edited scene.toml to a free name beside it",
     "pipeline/stages/images.py": "np.savez into a file that the store gives",
     "pipeline/stages/mechanics.py": "arrays into files that the store gives",
     "mesh/formats/cad_cache.py": "into a stream of atomic_stream; deletes what is oldest",
