@@ -18,6 +18,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, BinaryIO
 
+from gpusim.errors import require
 from gpusim.files.input_file import InputFile
 from gpusim.files.output_folder import inside
 from gpusim.graph.folder import Folder
@@ -80,17 +81,17 @@ class Inputs:
         return bool(self._records.get(name))
 
     def read(self, stage: str, name: str) -> InputFile:
-        """A file of a result, as it was when it was made. Raises InputError, KeyError."""
+        """A file of a result, as it was when it was made. Raises InputError."""
         self._runner.go_on()
-        return self._store.read(self._holding[stage, name], name)
+        return self._store.read(self._record(stage, name), name)
 
     def open(self, stage: str, name: str) -> BinaryIO:
         """The same of a file that may be large."""
-        return self._store.open(self._holding[stage, name], name)
+        return self._store.open(self._record(stage, name), name)
 
     def path(self, stage: str, name: str) -> Path:
         """Where its content lies."""
-        return self._store.blob(self._holding[stage, name].files[name].sha256)
+        return self._store.blob(self._record(stage, name).files[name].sha256)
 
     def notes(self, stage: str) -> Sequence[Mapping[str, Any]]:
         """What was said of the results of a stage."""
@@ -117,6 +118,11 @@ class Inputs:
             shutil.rmtree(self._scratch, ignore_errors=True)
             with suppress(OSError):
                 self._scratch.parent.rmdir()
+
+    def _record(self, stage: str, name: str) -> Record:
+        expected = f"{name}; its log may have been changed: delete {self._store.root}"
+        require((stage, name) in self._holding, f"store: files of {stage}", "others", expected)
+        return self._holding[stage, name]
 
     @cached_property
     def _holding(self) -> dict[tuple[str, str], Record]:
