@@ -78,7 +78,7 @@ def test_panels_show_the_part_around_the_points(tmp_path: Path) -> None:
 
 
 def test_few_points_are_shown_with_what_is_around_them(tmp_path: Path) -> None:
-    """A tenth of the picture's longer side, not the pixel below a point or the line between some."""
+    """A tenth of the picture's longer side, not the pixel below a point alone."""
     image, column = np.full((160, 200), 100.0), [[90.0, 40.0], [90.0, 120.0]]
     for points, size in (([[90.0, 70.0]], (20.0, 20.0)), (column, (20.0, 88.0))):
         seen: list[Axes] = []
