@@ -69,12 +69,19 @@ class ReferencePicture:
         return motion.pixels(material, name, 0).reshape(seen.shape)
 
     def size(self, key: str, at: Float) -> Float:
-        """(2,) px of a width and a height that are given in px, or in mm on the surface ``at``."""
+        """(2,) px of a width and a height that are given in px, or in mm on the surface ``at``.
+        Raises InputError if nothing is seen there."""
         given = getattr(self.spec, f"{key}_px")
         if given is not None:
             return np.array(given)
         around = at + np.array([[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])
-        place = self.motion.position(self.motion.seen_at(self.spec.views[0], around), None)
+        seen = self.motion.seen_at(self.spec.views[0], around)
+        require(
+            bool(seen.seen.all()), f"measure {self.spec.name!r}: {key}_mm",
+            f"({at[0]:.0f}, {at[1]:.0f}) px of camera {self.spec.views[0]!r} as the middle",
+            "a middle on a surface that it sees",
+        )  # fmt: skip
+        place = self.motion.position(seen, None)
         sides = np.linalg.norm(place[::2] - place[1::2], axis=1)
         return np.asarray(np.array(getattr(self.spec, f"{key}_mm")) / (MM * sides))
 

@@ -269,6 +269,8 @@ def test_what_is_not_a_place_is_told(measure: dict[str, Any], text: str, tmp_pat
         ({"type": "line", "start_px": [5, 60], "end_px": [100, 60]}, "p01; got"),
         ({"type": "gauge", "center_px": [120, 60], "size_px": [22, 80]},
          "size; got 22 x 80 px; expected room for two subsets"),
+        ({"type": "gauge", "center_px": [2, 2], "size_mm": [8.0, 8.0]},
+         r"size_mm; got \(2, 2\) px of camera 'left' as the middle"),
     ],
 )  # fmt: skip
 def test_places_that_are_not_seen_are_told_before_any_work(
