@@ -34,14 +34,18 @@ def cameras_in_file(
     unit: str | None = None,
 ) -> list[CalibratedCamera]:
     """A camera of a calibration file for each of the pictures' ``sizes`` (columns, rows) px: by
-    ``names``, else in the file's order.
+    ``names``, else, if the file knows them by others, in its order.
 
-    Raises InputError, which says ``what`` the file is, for too few, or for other pictures.
+    Raises InputError, which says ``what`` the file is, for too few, for other pictures, or for a
+    name that the file has at another place.
     """
     cameras = read_calibration(source, sizes[0], unit)
     named = {camera.name: camera for camera in cameras}
     if names and set(names) <= set(named):
         cameras = [named[name] for name in names]
+    for name, camera in zip(names, cameras, strict=False):
+        fits = camera.name == name or name not in named
+        require(fits, what, f"cameras {list(named)}", f"{list(names)}, or none of these names")
     require(len(cameras) >= len(sizes), what, f"{len(cameras)} cameras", str(len(sizes)))
     for camera, (width, height) in zip(cameras, sizes, strict=False):
         got = f"camera {camera.name!r} with {camera.width}x{camera.height} px"

@@ -33,6 +33,7 @@ Backdrop = tuple[Single, Frame]
 
 _PANEL = 2.8  # inches
 _PICTURE_PX = 900  # width of the picture below a map
+_AROUND = 0.1  # of a picture's longer side that maps show at least, of few points, too
 _SHOWN = 0.01  # share of the values beyond either end of a colour bar
 _BINS = 81
 
@@ -109,7 +110,7 @@ def draw_panels(
 ) -> None:
     """Maps in rows of so many ``columns``, over the part of a picture (H, W) or (H, W, 3) around
     their ``points`` (M, 2) px; a ``last`` panel draws something else there."""
-    backdrop, frame = grey_picture(image), _frame_of(points)
+    backdrop, frame = grey_picture(image), _frame_of(points, _AROUND * max(image.shape[:2]))
     tall, wide = frame[2] - frame[3], frame[1] - frame[0]
     inches = float(np.clip(_PANEL * tall / wide, 0.9, 4.5))
     rows = -(-(len(maps) + (last is not None)) // columns)
@@ -190,11 +191,12 @@ def _limits(style: dict[str, Any], low: float, high: float) -> Normalize:
     return Normalize(low, high)
 
 
-def _frame_of(points: Float) -> Frame:
-    """Around all points, with a margin; y down."""
+def _frame_of(points: Float, least: float = 0.0) -> Frame:
+    """Around all points, with a margin, along either axis as much as is the ``least``; y down."""
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.05 * float((high - low).max()) or 1.0
-    return low[0] - margin, high[0] + margin, high[1] + margin, low[1] - margin
+    x, y = np.maximum(margin, 0.5 * (least - (high - low)))
+    return low[0] - x, high[0] + x, high[1] + y, low[1] - y
 
 
 def _readable(one: FieldMap) -> FieldMap:

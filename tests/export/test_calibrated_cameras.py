@@ -44,6 +44,8 @@ def test_cameras_of_a_file_are_known_by_names_or_by_their_order(tmp_path: Path) 
 
     assert names() == names("c0", "other") == ["c0", "c1"]
     assert names("c2", "c0") == ["c2", "c0"]
+    with pytest.raises(InputError, match=r"got cameras .*c0.*; expected .*other.*, or none"):
+        names("other", "c0")  # of which c0 would be taken for the other one
     (second, _) = cameras_in_file("rig", path, [size] * 2, names=("c1", "c2"))
     assert np.abs(second.camera_from_rig - np.eye(4)).max() < 1e-12
     with pytest.raises(InputError, match="rig; got 3 cameras; expected 4"):

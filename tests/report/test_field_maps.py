@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gpusim.export.field_catalogue import FieldMap
@@ -60,7 +61,7 @@ def test_colours_span_nearly_all_values_the_scale_or_both_sides_of_zero() -> Non
 
 
 def test_panels_show_the_part_around_the_points(tmp_path: Path) -> None:
-    image = np.full((400, 500), 100.0)
+    image = np.full((160, 200), 100.0)
     values = np.full(len(POINTS), 1.0)
     maps = [FieldMap(values, "a"), FieldMap(values, "b")]
     seen = []
@@ -74,3 +75,14 @@ def test_panels_show_the_part_around_the_points(tmp_path: Path) -> None:
     assert 0.0 < left < 20.0 and 56.0 < right < 60.0 and 0.0 < high < 10.0 and 26.0 < low < 30.0
     height, width = read_image(tmp_path / "maps.png").shape[:2]
     assert width == pytest.approx(2 * 3.6 * 200, abs=2) and 0.4 < height / width < 0.7
+
+
+def test_few_points_are_shown_with_what_is_around_them(tmp_path: Path) -> None:
+    """A tenth of the picture's longer side, not the pixel below a point alone."""
+    image, column = np.full((160, 200), 100.0), [[90.0, 40.0], [90.0, 120.0]]
+    for points, size in (([[90.0, 70.0]], (20.0, 20.0)), (column, (20.0, 88.0))):
+        seen: list[Axes] = []
+        values = FieldMap(np.ones(len(points)), "a")
+        draw_panels(image, np.array(points), [values], 2, tmp_path / "maps.png", seen.append)
+        left, right, low, high = seen[0].axis()
+        assert (right - left, low - high) == pytest.approx(size) and left + right == 180.0

@@ -21,7 +21,8 @@ NEAR, COMPANY = 3.0, 4
 BESIDE = np.array([[x, y] for y in (-1, 0, 1) for x in (-1, 0, 1) if x or y], float)
 """Where subsets beside one are, in subsets."""
 AGREED, LEAST = 0.25, 2
-"""Subsets by which one may be away from where the point says; so many have to agree."""
+"""Subsets by which one may be away from where the point says, to agree; so many have to tell
+something before that none agrees says anything. At the end of a thin beam one can, no more."""
 SILENT = measure.Status.OUTSIDE, measure.Status.NO_TEXTURE, measure.Status.SATURATED
 
 
@@ -29,8 +30,7 @@ def without_chance_matches(
     found: measure.DicResult, match: Callable[..., measure.DicResult]
 ) -> measure.DicResult:
     """What was found, with lone points as ``LOW_CORRELATION`` that nothing beside them confirms,
-    though there is something. ``match``: the same
-    pictures at ``points``, from a ``guess``."""
+    though there is something. ``match``: the same pictures at ``points``, from a ``guess``."""
     company = scipy.spatial.cKDTree(found.points).query_ball_point(
         found.points, NEAR * found.subset, return_length=True
     )
@@ -46,7 +46,7 @@ def without_chance_matches(
         for one in (away <= AGREED * found.subset, ~np.isin(seen.status, SILENT))
     )
     lost = np.zeros(len(found.points), dtype=bool)
-    lost[lone[(agree < LEAST) & (tell >= LEAST)]] = True
+    lost[lone[(agree == 0) & (tell >= LEAST)]] = True
     gone: dict[str, Any] = {
         name: np.where(lost.reshape(-1, *[1] * (values.ndim - 1)), np.nan, values)
         for name in ("displacement", "gradient", "zncc", "sigma")

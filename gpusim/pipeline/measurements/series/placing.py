@@ -49,25 +49,39 @@ class ReferencePicture:
     motion: TrueMotion
 
     def pixels(self, key: str) -> Float:
-        """(…, 2) px of a key that is given in px or in mm."""
+        """(…, 2) px of a key that is given in px or in mm. Raises InputError for a place in mm that
+        has nothing to go with to where it is in frame 0."""
         given = getattr(self.spec, f"{key}_px")
         if given is not None:
             return np.array(given)
         name, motion = self.spec.views[0], self.motion
-        place = np.array(getattr(self.spec, f"{key}_mm")) / MM
-        seen = motion.camera(name).project(place)
+        place = np.array(getattr(self.spec, f"{key}_mm"))
+        seen = motion.camera(name).project(place / MM)
         if motion.unmoved(None):
             return seen
         material = motion.seen_at(name, seen.reshape(-1, 2), None)
+        for own, there in zip(place.reshape(-1, 3).tolist(), material.seen, strict=True):
+            require(
+                bool(there), f"measure {self.spec.name!r}: {key}_mm",
+                f"{own}, where camera {name!r} sees nothing of the unloaded structure",
+                "a place on a surface that it sees",
+            )  # fmt: skip
         return motion.pixels(material, name, 0).reshape(seen.shape)
 
     def size(self, key: str, at: Float) -> Float:
-        """(2,) px of a width and a height that are given in px, or in mm on the surface ``at``."""
+        """(2,) px of a width and a height that are given in px, or in mm on the surface ``at``.
+        Raises InputError if nothing is seen there."""
         given = getattr(self.spec, f"{key}_px")
         if given is not None:
             return np.array(given)
         around = at + np.array([[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])
-        place = self.motion.position(self.motion.seen_at(self.spec.views[0], around), None)
+        seen = self.motion.seen_at(self.spec.views[0], around)
+        require(
+            bool(seen.seen.all()), f"measure {self.spec.name!r}: {key}_mm",
+            f"({at[0]:.0f}, {at[1]:.0f}) px of camera {self.spec.views[0]!r} as the middle",
+            "a middle on a surface that it sees",
+        )  # fmt: skip
+        place = self.motion.position(seen, None)
         sides = np.linalg.norm(place[::2] - place[1::2], axis=1)
         return np.asarray(np.array(getattr(self.spec, f"{key}_mm")) / (MM * sides))
 

@@ -157,6 +157,25 @@ def test_places_go_with_the_structure_that_frame_0_loads(tmp_path: Path) -> None
     assert extension.table["true_length_mm"][0, 0] == pytest.approx(25.0 * 1.052, abs=0.27)
 
 
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"type": "extensometer", "ends_mm": [[10, 15, 1], [61, 15, 1]]},
+        {"type": "gauge", "center_mm": [61, 15, 1], "size_mm": [10.0, 8.0]},
+        {"type": "line", "start_mm": [10, 15, 1], "end_mm": [61, 15, 1]},
+        {"type": "point", "points_mm": [[10, 15, 1], [61, 15, 1]]},
+    ],
+)
+def test_a_place_beside_the_structure_that_frame_0_loads_is_told(
+    keys: dict[str, Any], tmp_path: Path
+) -> None:
+    """That place, in the unit in which it was given, though others stand beside it."""
+    scene = sheet(tmp_path, {"off": {**SCALED, **keys}}, strains=(0.05, 0.052))
+    told = r"measure 'off': \w+_mm; got \[61.0, 15.0, 1.0\], where camera 'top' sees nothing"
+    with pytest.raises(InputError, match=told):
+        gs.run(scene, tmp_path / "out")
+
+
 def test_ends_are_as_wide_as_they_are_said_to_be(tmp_path: Path) -> None:
     for width, count in ((0.0, 1), (20.0, 1), (42.0, 2), (62.0, 2), (63.0, 3), (84.0, 4)):
         keys = {**SCALED, "type": "extensometer", "ends_mm": [[10, 15, 1], [50, 15, 1]]}
@@ -250,6 +269,8 @@ def test_what_is_not_a_place_is_told(measure: dict[str, Any], text: str, tmp_pat
         ({"type": "line", "start_px": [5, 60], "end_px": [100, 60]}, "p01; got"),
         ({"type": "gauge", "center_px": [120, 60], "size_px": [22, 80]},
          "size; got 22 x 80 px; expected room for two subsets"),
+        ({"type": "gauge", "center_px": [2, 2], "size_mm": [8.0, 8.0]},
+         r"size_mm; got \(2, 2\) px of camera 'left' as the middle"),
     ],
 )  # fmt: skip
 def test_places_that_are_not_seen_are_told_before_any_work(
