@@ -145,7 +145,8 @@ def test_variants_share_the_truth_of_a_camera(
 
 
 def test_a_scene_without_bodies_is_told_that_its_truth_is_empty(tmp_path: Path) -> None:
+    paint = {"name": "grey", "type": "plain", "albedo": 0.5}
     wall = {"name": "wall", "type": "box", "center_mm": [120.0, 0.0, 5.0],
-            "size_mm": [50.0, 10.0, 20.0], "paint": [{"name": "grey", "type": "plain"}]}  # fmt: skip
+            "size_mm": [50.0, 10.0, 20.0], "paint": [paint]}  # fmt: skip
     given = scene(SIDE, body=[], material=[], prop=[wall])
     assert gs.run(given, tmp_path / "out", backend="numpy").warnings == (truth.EMPTY,)
