@@ -268,6 +268,7 @@ class Scene:
         calibration file would undo all the same."""
         from .effects import lenses_of_files, with_only, without_effects
 
+        only, no = ([one] if isinstance(one, str) else one for one in (only, no))
         document = self.document
         for camera, measure in lenses_of_files(document).items() if "distortion" in no else ():
             raise InputError(
