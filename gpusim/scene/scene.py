@@ -262,7 +262,7 @@ class Scene:
         own, given = self.document, {path: value}
         return Scene.from_document(own, source=self.source, overrides=given, files=self.files)
 
-    def with_effects(self, only: Sequence[str] = (), no: Sequence[str] = ()) -> Scene:
+    def with_effects(self, only: Sequence[str] | str = (), no: Sequence[str] | str = ()) -> Scene:
         """The scene with ``only`` these effects of `gpusim.scene.effects` (none given: all), and
         without those in ``no``. Raises InputError for an unknown effect, or a distortion that a
         calibration file would undo all the same."""
