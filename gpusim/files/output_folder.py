@@ -98,6 +98,8 @@ def check_below(folder: PathLike, *names: str) -> None:
 def check_folder(folder: PathLike) -> None:
     """Raises InputError for a folder that couldn't be one for results: no name, a name too long,
     a file, a place in a file, or one that can't be written to. Nothing is made."""
+    named = isinstance(folder, str | os.PathLike)
+    require(named, "output folder", repr(folder), "the name of a folder")
     require(bool(os.fspath(folder)), "output folder: no name", "''", "the name of a folder")
     path = Path(folder)
     try:

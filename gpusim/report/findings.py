@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 Triple = tuple[float, float, float]
@@ -243,7 +243,7 @@ class Explanation:
     units: Mapping[str, str]
     parts: Mapping[str, Mapping[str, PartSize]]
     remarks: tuple[str, ...] = ()
-    figures: tuple[Any, ...] = ()
+    figures: tuple[Any, ...] = field(default=(), repr=False)
 
     def content(self) -> dict[str, Any]:
         """For report.json."""

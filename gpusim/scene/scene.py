@@ -122,7 +122,7 @@ class Scene:
         faults: list[Fault] = []
         changed: list[Keys] = []
         for path, value in (overrides or {}).items():
-            done = put(plain, path, copy.deepcopy(value))
+            done = put(plain, path, value)
             if isinstance(done, Fault):
                 faults.append(done)
             else:
@@ -192,6 +192,12 @@ class Scene:
         surfaces: list[Any] = self._contents.surfaces(frame)
         return surfaces
 
+    def motion(self) -> Any:
+        """What is true of material points, at any places of a camera's picture
+        (`gpusim.pipeline.measurements.material_points.TrueMotion`)."""
+        places = import_module("gpusim.pipeline.measurements.material_points")
+        return places.TrueMotion(self._contents)
+
     def solution(self) -> dict[str, Any]:
         """By body: ``mesh``, and ``displacement`` and ``reactions`` in a frame
         (`gpusim.pipeline.runner.scene_contents.BodySolution`); solved, or read from its field.
@@ -253,18 +259,16 @@ class Scene:
 
         List items go by index or by their name. Raises SceneError like a file with that value.
         """
-        document = self.document
-        overrides = {path: list(value) if isinstance(value, tuple) else value}
-        return Scene.from_document(
-            document, source=self.source, overrides=overrides, files=self.files
-        )
+        own, given = self.document, {path: value}
+        return Scene.from_document(own, source=self.source, overrides=given, files=self.files)
 
-    def with_effects(self, only: Sequence[str] = (), no: Sequence[str] = ()) -> Scene:
+    def with_effects(self, only: Sequence[str] | str = (), no: Sequence[str] | str = ()) -> Scene:
         """The scene with ``only`` these effects of `gpusim.scene.effects` (none given: all), and
         without those in ``no``. Raises InputError for an unknown effect, or a distortion that a
         calibration file would undo all the same."""
         from .effects import lenses_of_files, with_only, without_effects
 
+        only, no = ([one] if isinstance(one, str) else one for one in (only, no))
         document = self.document
         for camera, measure in lenses_of_files(document).items() if "distortion" in no else ():
             raise InputError(

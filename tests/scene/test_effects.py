@@ -74,6 +74,12 @@ def test_only_some_effects(checkout: Path) -> None:
         scene.with_effects(no=["distorsion"])
 
 
+def test_one_effect_may_be_given_by_its_name(checkout: Path) -> None:
+    scene = gs.load_scene(checkout / "examples" / "rigid_shift.toml")
+    assert scene.with_effects(no="noise") == scene.with_effects(no=["noise"])
+    assert scene.with_effects(only="noise") == scene.with_effects(only=["noise"])
+
+
 def test_other_drawings_of_random_patterns(checkout: Path) -> None:
     scene = shifted_plate((1.0, 0.0, 0.0), {"camera": "left"})
     other = with_other_patterns(scene.document, 2)

@@ -6,6 +6,7 @@ import json
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gpusim.errors import SceneError
@@ -132,6 +133,18 @@ def test_overrides_win_over_the_file(checkout: Path) -> None:
     assert scene.render.error == 1.0
     assert scene.output.truth == ()
     assert scene.sensor.exposure == 0.5
+
+
+def test_what_python_gives_for_a_key_may_be_tuples_and_arrays(checkout: Path) -> None:
+    path = checkout / "examples" / "crane.toml"
+    factors = np.array([0.0, 2.0])
+    given = {"camera.front.resolution_px": (900, 600), "analysis.load_factors": factors,
+             "camera.front.focal_mm": np.float64(35.0)}  # fmt: skip
+    scene = load_scene(path, given)
+    assert scene.cameras[0].resolution == (900, 600) and scene.analysis.load_factors == (0.0, 2.0)
+    assert scene.replace("analysis.load_factors", factors / 2).analysis.load_factors == (0.0, 1.0)
+    with pytest.raises(SceneError, match="load_factors"):
+        load_scene(path, {"analysis.load_factors": np.array([0.0, np.nan])})
 
 
 def test_values_of_set() -> None:

@@ -34,7 +34,7 @@ from gpusim.measure.correlation.gauge_filter import GaugeFilter, gauge_filter
 from gpusim.measure.correlation.pixel_mask import check_mask
 from gpusim.measure.correlation.warp import Shape
 from gpusim.measure.images import check_image
-from gpusim.validation import checked, require, within
+from gpusim.validation import checked, is_number, require, within
 
 SETTINGS = "subset", "step", "shape", "blur_px", "strain_window"
 Matching = tuple[int, Shape, float]
@@ -121,7 +121,7 @@ def advise(
     still: npt.NDArray[Any] | None = None,
     roi: tuple[int, int, int, int] | None = None,
     mask: Any = None,
-    noise: ImageNoise | None = None,
+    noise: ImageNoise | float | None = None,
     detail_px: Annotated[float, within(10.0, 1e5, "px")] | None = None,
     peak_strain: Annotated[float, within(1e-6, 0.1)] = 0.002,
     device: Device | None = None,
@@ -135,7 +135,8 @@ def advise(
     still : another picture of the same scene at rest, from which the noise is taken; else from
         ``picture``'s finest details.
     roi, mask : as of ``dic``; (H, W) bool.
-    noise : of the picture, if it is known.
+    noise : of the picture, if it is known: its standard deviation in grey levels, or an
+        ``ImageNoise`` that grows with them.
     detail_px : period of the finest waves that are to be seen; a tenth of the shorter side, from
         80 px up.
     peak_strain : their largest strain. Less of it calls for larger subsets and windows.
@@ -163,6 +164,10 @@ def advise(
     textured = textured_pixels(area.astype(np.float64), used)
     require(textured.any(), "picture", "no texture that isn't masked", "a speckle pattern")
     part = richest_part(textured, PATCH)
+    if noise is not None and not isinstance(noise, ImageNoise):
+        good = is_number(noise) and 0.0 <= noise < np.inf
+        require(good, "advise noise", repr(noise), "grey levels from 0 up, or an ImageNoise")
+        noise = ImageNoise(float(noise) ** 2)
     if noise is None:
         other = image if still is None else check_image(still, "still")
         require(other.shape == image.shape, "still", other.shape, f"{image.shape} as `picture`")

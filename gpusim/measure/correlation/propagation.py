@@ -166,7 +166,7 @@ class Front:
 
     def start_from_features(self, which: Long, motions: list[Motion]) -> None:
         """Start ``which`` from the motions that features show, the nearest match first."""
-        if not motions:
+        if not (motions and which.size):
             return
         self.take_whole_image()
         points = self.points[which]

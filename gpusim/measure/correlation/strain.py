@@ -161,6 +161,8 @@ def strain(
     >>> gs.measure.strain(result, window=3, kind="hencky").kind
     'hencky'
     """
+    has = all(hasattr(result, name) for name in ("points", "displacement", "subset"))
+    require(has, "strain: result", type(result).__name__, "what dic returned")
     points, displacement = result.points, result.displacement
     _check_gauge("strain", window, points)
     require(order in TERMS, "order", repr(order), "1 or 2")

@@ -85,6 +85,13 @@ class StereoResult(PointResult):
         return self.shape + self.displacement
 
 
+def _check_pair(cameras: Cameras) -> None:
+    require(len(cameras) == 2, "cameras", len(cameras), "the left and the right one")
+    for one in cameras:
+        fits = isinstance(one, CalibratedCamera)
+        require(fits, "cameras", type(one).__name__, "those of calibrate, or of rig_camera")
+
+
 @unmasked("left", "right")
 @one_blas_thread()
 def stereo_shape(
@@ -131,7 +138,7 @@ def stereo_shape(
     >>> print(f"{result.shape[0, 2]:.2f} from the left camera")
     1.00 from the left camera
     """
-    require(len(cameras) == 2, "cameras", len(cameras), "the left and the right one")
+    _check_pair(cameras)
     require(0 < epipolar_px < np.inf, "epipolar_px", repr(epipolar_px), "px > 0")
     settings = make_settings(
         subset, "square", shape=match_shape, tolerance=tolerance, max_iterations=max_iterations,

@@ -120,6 +120,12 @@ def write_calibration_files(
     """
     for format in formats:
         require_one_of("write_calibration_files: format", format, FORMATS)
+    for camera in cameras:
+        given, wanted = (
+            isinstance(camera, Camera),
+            "a Camera (of a scene: scene.cameras().values())",
+        )
+        require(given, "write_calibration_files: cameras", repr(camera), wanted)
     files = calibration_files(cameras, formats)
     for file in files:
         write_text(inside(folder, file.name), file.text)

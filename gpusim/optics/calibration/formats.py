@@ -217,6 +217,7 @@ def calibration_text(
     where = f"write_calibration {name}"
     require_one_of(f"{where}: format", format, FORMATS)
     own = FORMATS[format]
+    require(not isinstance(cameras, Camera), f"{where}: cameras", repr(cameras), "a list of Camera")
     fits = 1 <= len(cameras) <= own.most
     require(fits, f"{where}: cameras", len(cameras) or "none", f"1 to {own.most} for {format}")
     for camera in cameras:

@@ -17,6 +17,7 @@ from typing import Self
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
+from gpusim.field_summary import field_summary
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.point_location import PointLocation
 from gpusim.optics.geometry.triangle_corners import barycentric_planes, in_camera
@@ -24,6 +25,7 @@ from gpusim.optics.rendering.local_origin import local, local_view
 from gpusim.pipeline.scene_objects.cameras import build_camera
 from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.surface import Surface
+from gpusim.validation import require, require_one_of
 
 HIDDEN = 1e-6
 """Share of its depth by which a point lies behind what is seen in its place, if it is hidden."""
@@ -41,6 +43,7 @@ class MaterialPoints:
     face: Long
     vertices: Long
     weights: Float
+    __repr__ = field_summary
 
     @property
     def seen(self) -> Bool:
@@ -75,7 +78,9 @@ class TrueMotion:
 
     def camera(self, name: str) -> Camera:
         """A camera of the scene as it really is, lengths in m."""
-        (spec,) = (one for one in self.scene.cameras if one.name == name)
+        known = {one.name: one for one in self.scene.cameras}
+        require_one_of("camera", name, known)
+        spec = known[name]
         return build_camera(spec, self.scene.input)
 
     def surfaces(self, frame: int | None) -> Sequence[Surface]:
@@ -100,6 +105,8 @@ class TrueMotion:
     def seen_at(self, camera: str, pixels: Float, frame: int | None = 0) -> MaterialPoints:
         """The material points that a camera sees at ``pixels`` (P, 2), any fraction of one, in a
         frame."""
+        pixels = np.asarray(pixels, dtype=np.float64)
+        require(pixels.ndim == 2 and pixels.shape[1] == 2, "pixels", pixels.shape, "(P, 2)")
         located, surfaces = self._located(camera, frame), self.surfaces(frame)
         triangle, _ = located.nearest(pixels)
         found = np.flatnonzero(triangle >= 0)

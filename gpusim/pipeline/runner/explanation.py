@@ -23,6 +23,7 @@ from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.scene.description.table import name_and_unit
 from gpusim.scene.effects import active_effects, with_other_patterns
+from gpusim.validation import require
 
 FOLDER = "explain"
 KEPT = "distortion"
@@ -55,6 +56,8 @@ def explain(
     ...
     gpusim.errors.InputError: explain: scene 'bar'; got 0 variants, 0 measures of type "dic"; ...
     """
+    given = isinstance(scene, Scene)
+    require(given, "explain: scene", type(scene).__name__, "a Scene (load_scene)")
     measures = [spec for spec in scene.measures if isinstance(spec, m.DicTable)]
     where, kind = f"explain: scene {scene.name!r}", ' of type "dic"'
     check_comparable(scene, where, measures, kind, " (or gpusim budget)")

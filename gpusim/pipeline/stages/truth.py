@@ -32,6 +32,10 @@ from gpusim.scene.frames import FrameTable, frame_word
 
 Sight = tuple[Frame, Window]
 _WHOLE, _PART = "truth.h5", ".truth.h5"
+EMPTY = (
+    "truth.h5 has cameras alone: its layers are of bodies, and this scene has none. Truth of props "
+    "is in Python's scene.motion()"
+)
 
 
 def truth(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
@@ -55,7 +59,8 @@ def truth(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
             inputs.progress(number / len(made), f"takes in {', '.join(names)}")
             with inputs.open(stage, _PART) as part:
                 file.take_cameras(part, names)
-    return StageResult({_WHOLE: path}, notes_of(), _WHOLE, dict.fromkeys(made, _WHOLE))
+    notes = notes_of([] if bodies else [EMPTY])
+    return StageResult({_WHOLE: path}, notes, _WHOLE, dict.fromkeys(made, _WHOLE))
 
 
 def seen(scene: Scene, inputs: Inputs, session: Session) -> StageResult:

@@ -148,7 +148,7 @@ class OutputTable(Table):
     """
 
     truth: Annotated[tuple[TruthLayer, ...], Listed(different=True)] = ()
-    """Layers of truth.h5, per camera and frame."""
+    """Layers of truth.h5, per camera and frame, where a body is seen (not a prop)."""
     vtu: bool = False
     """The solution for ParaView."""
     stress: bool = False

@@ -17,6 +17,18 @@ DEEPEST = 16
 Keys = tuple[str | int, ...]
 Origins = Mapping[Keys, str]
 
+
+def plain_value(value: Any) -> Any:
+    """A copy of what Python gave for a key, as files have it: lists for tuples and arrays."""
+    if callable(getattr(value, "tolist", None)):  # NumPy, which is heavy, isn't imported for it
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {key: plain_value(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain_value(one) for one in value]
+    return value
+
+
 # possessive: a line that doesn't match costs no second look
 _HEADER = re.compile(r"^\s*+(\[\[?)([A-Za-z0-9_.\-\s]++)\]\]?\s*+(?:#.*)?$")
 _KEY = re.compile(r"^\s*+([A-Za-z0-9_\-]++(?:\s*+\.\s*+[A-Za-z0-9_\-]++)*+)\s*+=")
@@ -48,13 +60,14 @@ def _names(items: Sequence[Any]) -> list[str]:
 
 
 def put(document: dict[str, Any], path: str, value: Any) -> tuple[str | int, ...] | Fault:
-    """Set ``path`` in ``document`` in place; missing tables are made, list items must exist.
+    """Set ``path`` in ``document`` in place to a copy of ``value`` (`plain_value`); missing tables
+    are made, list items must exist.
 
     Returns the keys with names turned into indices, or a fault if the path leads nowhere. Whether
     the last key is a valid one is for the schema to say.
     """
     found: list[str | int] = []
-    keys = path.split(".")
+    keys, value = path.split("."), plain_value(value)
     if not all(keys):
         return Fault(path or '""', "not a key path", expected="keys joined by dots")
     if len(keys) > DEEPEST:

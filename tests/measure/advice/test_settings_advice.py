@@ -86,6 +86,8 @@ def test_backgrounds_are_left_out() -> None:
         ({"mask": np.zeros((300, 340), bool)}, "no texture"),
         ({"detail_px": 0.0}, "detail_px"),
         ({"peak_strain": np.nan}, "peak_strain"),
+        ({"noise": np.nan}, "advise noise; got nan"),
+        ({"noise": "x"}, "advise noise; got 'x'"),
     ],
 )
 def test_wrong_arguments(options: dict[str, Any], message: str) -> None:
@@ -114,3 +116,8 @@ def test_pictures_without_noise(whole: bool) -> None:
         detail_px=80.0,
     )  # fmt: skip
     assert 0.0 < found.check.strain.total < 1e-3
+
+
+def test_known_noise_may_be_a_number_of_grey_levels() -> None:
+    found = advise(exposure(1), noise=5.0, detail_px=80.0)
+    assert found.noise == ImageNoise(25.0)

@@ -243,6 +243,12 @@ def test_points_that_cannot_be_measured_say_why_and_carry_no_number() -> None:
     assert result.counts()["OK"] == 1
 
 
+def test_all_points_may_be_outside() -> None:
+    image = speckles(117, 93)
+    result = dic(image, image, subset=21, points=[[500.0, 50.0], [-30.0, 20.0]])
+    assert (result.status == Status.OUTSIDE).all() and np.isnan(result.displacement).all()
+
+
 def test_one_direction_only_is_no_texture() -> None:
     stripes = np.tile(np.sin(0.5 * np.arange(57)), (33, 1))
     result = dic(stripes, stripes, subset=15, step=6)

@@ -185,6 +185,9 @@ def test_wrong_arguments_name_themselves(change: dict[str, object], words: str) 
         stereo_shape(image, image, RIG, **{"subset": 15, **change})
     with pytest.raises(InputError, match="cameras"):
         stereo_shape(image, image, RIG[:1], subset=15)
+    camera = gs.Camera(70, 60, RIG[0].K)
+    with pytest.raises(InputError, match="got Camera; expected those of calibrate"):
+        stereo_shape(image, image, (camera, camera), subset=15)
 
 
 @pytest.mark.parametrize(

@@ -212,6 +212,10 @@ def test_refusals_leave_nothing(tmp_path: Path) -> None:
         gs.write_calibration_files(tmp_path, rigs, ["vic", "dice"])
     with pytest.raises(InputError, match="format; got 'gom'; expected one of opencv, kalibr"):
         gs.write_calibration_files(tmp_path, [camera], ["gom"])
+    with pytest.raises(InputError, match=r"cameras; got 'left'; expected a Camera .of a scene"):
+        gs.write_calibration_files(tmp_path, {"left": camera})
+    with pytest.raises(InputError, match=r"cameras; got Camera\(.*; expected a list of Camera"):
+        gs.write_calibration(tmp_path / "a.yml", camera, "opencv")
     for names in (("cam 1", "cam_1"), ("camera", "camera")):
         pair = [replace(camera, name=name) for name in names]
         for format in ("opencv", "vic"):

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gpusim.errors import InputError
 from tests.support.moved_block import moved_block
 
 STRAIN = np.array([[0.02, 0.01, 0.0], [0.0, -0.005, 0.0], [0.03, 0.0, 0.004]])
@@ -87,3 +88,12 @@ def test_some_of_them_are_points_too() -> None:
     some = points[np.array([True, False, False, True])]
     assert len(some) == 2 and some.surface.tolist() == [0, 1]
     assert np.array_equal(motion.position(some, 1), motion.position(points, 1)[[0, 3]])
+
+
+def test_wrong_places_and_cameras_are_named() -> None:
+    _, motion = moved_block(affine)
+    with pytest.raises(InputError, match="camera; got 'frnt'; expected one of front"):
+        motion.seen_at("frnt", PLACES)
+    with pytest.raises(InputError, match=r"pixels; got \(2,\)"):
+        motion.seen_at("front", PLACES[0])
+    assert motion.seen_at("front", [[np.nan, 3.0], [-900.0, 5.0]]).seen.tolist() == [False, False]

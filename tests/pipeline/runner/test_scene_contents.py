@@ -133,3 +133,15 @@ def test_scenes_are_loaded_without_numerics(tmp_path: Path) -> None:
         "assert not [m for m in sys.modules if m.startswith(('gpusim.pipeline', 'gpusim.optics'))]"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_true_motion_is_what_truth_says_of_the_same_pixels(done: Path) -> None:
+    """A pixel of frame 1 sees a point; where that was is what ``flow`` has."""
+    given = scene()
+    motion = given.motion()
+    with h5py.File(done / "truth.h5") as file:
+        displacement = file["camera/side/frame/0001/displacement"][...]
+    row, column = np.nonzero(np.isfinite(displacement[..., 0]))
+    points = motion.seen_at("side", np.stack([column, row], axis=1), 1)
+    apart = motion.displacement(points, 1, None) - displacement[row, column]
+    assert len(row) > 100 and np.abs(apart).max() <= 1e-6 * np.abs(displacement[row, column]).max()

@@ -142,3 +142,11 @@ def test_variants_share_the_truth_of_a_camera(
                          for camera in ("side", "left")])  # fmt: skip
     np.testing.assert_array_equal(seen[0][0], seen[1][0])
     assert not np.array_equal(seen[0][1], seen[1][1], equal_nan=True)
+
+
+def test_a_scene_without_bodies_is_told_that_its_truth_is_empty(tmp_path: Path) -> None:
+    paint = {"name": "grey", "type": "plain", "albedo": 0.5}
+    wall = {"name": "wall", "type": "box", "center_mm": [120.0, 0.0, 5.0],
+            "size_mm": [50.0, 10.0, 20.0], "paint": [paint]}  # fmt: skip
+    given = scene(SIDE, body=[], material=[], prop=[wall])
+    assert gs.run(given, tmp_path / "out", backend="numpy").warnings == (truth.EMPTY,)
