@@ -72,12 +72,18 @@ class PartOutline:
         return None
 
     def broadside(self) -> PartFace:
-        """The largest plane along the part, or the side to which clearly more of it looks."""
+        """The largest plane along the part, or the side to which clearly more of it looks; of two
+        equal ones that along an axis, not against it: seen from there, a plate isn't mirrored."""
         along = [face for face in (*self.faces, *self.sides)
                  if face.normal is not None and abs(face.normal[self.axis]) < 0.5]  # fmt: skip
         # a side takes what looks there of roundings and holes, too, which a set doesn't
         weight = dict.fromkeys(self.faces, 1.0)
-        return max(along, key=lambda face: float(f"{face.area * weight.get(face, _SIDE):.6g}"))
+
+        def rank(face: PartFace) -> tuple[float, float]:
+            area = float(f"{face.area * weight.get(face, _SIDE):.6g}")
+            return area, 0.0 if face.normal is None else round(float(face.normal.sum()), 6)
+
+        return max(along, key=rank)
 
 
 def part_outline(mesh: Mesh) -> PartOutline:

@@ -99,7 +99,8 @@ def _entry(node: Node, header: str) -> TableEntry:
         said = _default(value.get("default"))
         about = " ".join(value.get("description", "").replace("``", "`").split())
         default = "needed" if name in node.get("required", ()) else said
-        keys.append(KeyEntry(name, expected(value), _FRACTIONS.get(unit, unit), default, about))
+        unit = "mm per px" if name == "mm_per_px" else _FRACTIONS.get(unit, unit)
+        keys.append(KeyEntry(name, expected(value), unit, default, about))
     keys.sort(key=lambda key: key.default != "needed")
     # paragraphs stay, lines are the reader's own
     about = re.sub(r"(?<!\n)\n(?!\n)", " ", node.get("description", "").replace("``", "`"))

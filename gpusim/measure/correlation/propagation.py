@@ -308,7 +308,11 @@ class Front:
     @property
     def spacing(self) -> float:
         """Median distance of the points from their nearest neighbours, px; 0 of one point."""
-        return float(np.median(self._nearest[0][:, 0])) if len(self.points) > 1 else 0.0
+        return self.spacing_of(slice(None))
+
+    def spacing_of(self, which: Long | slice) -> float:
+        """The same of some of the points."""
+        return float(np.median(self._nearest[0][which, 0])) if len(self.points) > 1 else 0.0
 
     def _best_neighbours(self, which: Long) -> tuple[Long, Bool]:
         """The best correlated of the measured neighbours of points (K,); whether there is one."""

@@ -23,7 +23,12 @@ from gpusim.measure.calibration.calibration import CalibratedCamera
 from gpusim.measure.correlation.coherence import CheckedFront
 from gpusim.measure.correlation.matching import Correlation, Settings, Status
 from gpusim.measure.correlation.propagation import seeds
-from gpusim.measure.correlation.start_values import common_motions, feature_matches, search_template
+from gpusim.measure.correlation.start_values import (
+    Motion,
+    common_motions,
+    feature_matches,
+    search_template,
+)
 from gpusim.measure.images import Image
 from gpusim.measure.stereo.triangulation import essential, normalised, project, triangulate
 from gpusim.validation import require, unmasked
@@ -178,23 +183,21 @@ def match_views(
     """
     front = CheckedFront((left, right), points, settings, mask, blur_px, 1.0, device)
     front.take_whole_image()
-    chosen = seeds(points, front.spacing)
     features_left, features_right = feature_matches(left, right)
+    motions: list[Motion] = []
     if len(features_left):
         true = paired_epipolar_distance(cameras, features_left, features_right) <= FEATURE_PX
         if true.mean() < MIN_EPIPOLAR_SHARE:
             true[:] = True  # the calibration is wrong: match all the same, so that it shows
         diagonal = float(np.hypot(*left.shape))
-        front.start_from_features(
-            chosen, common_motions(features_left[true], features_right[true], diagonal)
-        )
-    lost = chosen[~front.ok[chosen] & (front.matches.status[chosen] != Status.NO_TEXTURE)]
-    if lost.size > 0.5 * chosen.size:
-        matched = [_along_line(left, right, points[i], cameras, settings.half) for i in lost]
-        start = np.array([place for place, _ in matched])
-        good = np.array([score for _, score in matched]) > 0.5 * settings.min_zncc
-        front.attempt(lost[good], (start - points[lost])[good])
+        motions = common_motions(features_left[true], features_right[true], diagonal)
+    _start(front, seeds(points, front.spacing), motions, cameras)
     front.propagate()
+    # a patch finer than the rest, as a gauge's, has its neighbours in itself: nothing leads there
+    apart = np.flatnonzero((front.attempts == 0) & ~front.closed)
+    if apart.size and front.ok.any():
+        _start(front, apart[seeds(points[apart], front.spacing_of(apart))], motions, cameras)
+        front.propagate()
     untried = np.flatnonzero(front.attempts == 0)
     front.attempt(untried, np.zeros((untried.size, 2)), keep=False)
     front.recheck_outliers()
@@ -207,6 +210,23 @@ def match_views(
     wrong = ok[~(miss <= epipolar_px)]
     matches.refuse(wrong, Status.EPIPOLAR)
     return matches
+
+
+def _start(
+    front: CheckedFront,
+    chosen: Long,
+    motions: list[Motion],
+    cameras: tuple[CalibratedCamera, CalibratedCamera],
+) -> None:
+    """Start ``chosen`` from the motions of features, and along epipolar lines if these fail."""
+    settings, points = front.settings, front.points
+    front.start_from_features(chosen, motions)
+    lost = chosen[~front.ok[chosen] & (front.matches.status[chosen] != Status.NO_TEXTURE)]
+    if lost.size > 0.5 * chosen.size:
+        matched = [_along_line(*front.images, points[i], cameras, settings.half) for i in lost]
+        start = np.array([place for place, _ in matched])
+        good = np.array([score for _, score in matched]) > 0.5 * settings.min_zncc
+        front.attempt(lost[good], (start - points[lost])[good])
 
 
 def _along_line(

@@ -113,6 +113,16 @@ def test_shape_and_displacement_in_space(device: Device, radius: float) -> None:
         assert np.abs(hencky[:, 0, 0].mean() - np.log(1.004)) <= 2e-5
 
 
+def test_a_fine_patch_among_coarse_points_is_reached(device: Device) -> None:
+    # as a strain gauge among the points by which a rig is laid on the structure: each neighbour of
+    # the patch's points is one of these, and no cell of the coarse points has its seed in them
+    patch = np.stack(np.meshgrid(np.arange(90, 95), np.arange(42, 47)), -1).reshape(-1, 2)
+    coarse = np.stack(np.meshgrid(np.arange(20, 230, 16), np.arange(20, 170, 16)), -1)
+    points = np.concatenate([patch, coarse.reshape(-1, 2)]).astype(float)
+    result = stereo_shape(*views(device, np.inf).before, RIG, subset=25, points=points)
+    assert result.ok[: len(patch)].all()
+
+
 def test_a_wrong_calibration_is_noticed_point_by_point(device: Device) -> None:
     seen = views(device, np.inf)
     turned = RIG[1].camera_from_rig.copy()

@@ -79,9 +79,10 @@ class SeriesResult(Result):
         seen = Overlay(f"{self.name}: tracked subsets", picture, self.points_px, self.moved_px)
         return Reported([*self._measurements()], [*self._series(scene)], [seen])
 
-    def _title(self, *parts: str) -> str:
+    def _title(self, quantity: str, place: str, *, place_first: bool = False) -> str:
         """Of a number or a curve; the only place of a measure has no name of its own."""
-        return f"{self.name}: {', '.join(part for part in parts if part != self.table.what)}"
+        parts = [quantity] if place == self.table.what else [quantity, place]
+        return f"{self.name}: {', '.join(reversed(parts) if place_first else parts)}"
 
     def _measurements(self) -> Iterator[Measurement]:
         """Of the place where the main quantity is largest, of all places if they are few, and the
@@ -97,7 +98,8 @@ class SeriesResult(Result):
             for name, unit, *values in told:
                 measured, true = (float(one[-1, place]) for one in values)
                 along = " (x along the picture's rows)" if name in STRAINS else ""
-                what = self._title(self.table.points[place], f"{name}{along}")
+                point = self.table.points[place]
+                what = self._title(f"{name}{along}", point, place_first=True)
                 yield Measurement.compare(what, unit, measured, true, tolerance_relative=goal)
                 goal = None
         for name, unit, found, real in told:

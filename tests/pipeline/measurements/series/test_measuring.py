@@ -204,6 +204,7 @@ def test_what_the_report_says(done: tuple[gs.Report, Path], found: Get) -> None:
     strain = told["pixels: strain"]
     assert strain.unit == "um/m" and strain.truth == pytest.approx(4000.0, rel=1e-9)
     assert strain.verdict == "bad"  # it came nearer
+    assert told["pixels: length"].unit == "px" and told["lines: length"].unit == "mm"
     assert told["points: right, u"].truth == pytest.approx(0.0605, rel=1e-9)
     assert told["points: RMS error of u, all frames"].unit == "mm"
     assert {"points: u, right", "gauge: exx"} <= {one.name for one in report.series}
