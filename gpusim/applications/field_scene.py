@@ -89,10 +89,12 @@ def field_scene(
                       "up": (np.round(-down, 12) + 0.0).tolist()}  # fmt: skip
     first = cameras[0]
     depth = float(first.to_camera(side.middle)[2])
-    speckle = speckle_mm or 1e3 * _SPECKLE_PX * depth / float(first.K[0, 0])
-    speckle = float(f"{speckle:.4g}")
-    paint = {"name": "speckle", "type": "speckle", "albedo": 0.9, "diameter_mm": speckle,
-             "softness_mm": speckle / 8, **_where(normal, faces)}  # fmt: skip
+    pixel = 1e3 * depth / float(first.K[0, 0])
+    speckle = speckle_mm or _SPECKLE_PX * pixel
+    soft = min(pixel, 0.25 * speckle)  # edges of a pixel: sharper ones fall between pixels
+    paint = {"name": "speckle", "type": "speckle", "albedo": 0.9,
+             "diameter_mm": float(f"{speckle:.4g}"), "softness_mm": float(f"{soft:.4g}"),
+             **_where(normal, faces)}  # fmt: skip
     given = {"file": str(Path(path).absolute()), "unit": unit}
     if displacement is not None:
         given["displacement"] = displacement

@@ -83,6 +83,7 @@ def test_a_camera_looks_at_the_largest_side_upright(
     (paint,) = scene.bodies[0].paints
     away = camera.to_camera(scene.surfaces(0)[0].points)[:, 2].min()
     assert camera.K[0, 0] * paint.diameter / away == pytest.approx(4.0, rel=0.03)
+    assert camera.K[0, 0] * paint.softness / away == pytest.approx(1.0, rel=0.03)
     assert paint.where.normal == "+-"[-sum(forward) < 0] + "xyz"[int(np.argmax(np.abs(forward)))]
 
 
