@@ -21,7 +21,7 @@ from gpusim.files.frame_source import FrameSource
 from gpusim.files.output_folder import inside
 from gpusim.gpu import Device
 from gpusim.measure import DicResult, StereoResult, StrainResult
-from gpusim.report.correlation import correlation_report, draw_maps, summary
+from gpusim.report.correlation import correlation_report, draw_maps, summary, unmeasured
 from gpusim.report.html import render_html
 from gpusim.report.model import Figure
 from gpusim.validation import checked
@@ -107,8 +107,8 @@ class CorrelationOutput:
     @property
     def failure(self) -> str:
         """Which pictures have no point measured; "" if all have."""
-        empty = [row["image"] for row in self.report["images"] if row["measured"] == 0]
-        text = f"dic: no point could be measured in {', '.join(empty)}; {self.files[-1]} says why"
+        empty = unmeasured(self.report["images"])
+        text = f"dic: no point could be measured in {empty}; {self.files[-1]} says why"
         return text if empty else ""
 
 

@@ -316,7 +316,7 @@ class ProgressDisplay:
                 self._tasks[stage], completed=min(done, 1.0), text=text, description=name or stage
             )
         elif finished and stage not in self._finished:
-            line = f"{name or stage:<22} {now - start:7.2f} s  {text}"
+            line = f"{now - start:7.2f} s  {name or stage:<22}  {text}"
             self._console.print(line.rstrip(), markup=False, soft_wrap=True)
         if finished:
             self._finished.add(stage)

@@ -178,7 +178,7 @@ def print_explanations(report: Report, folder: Path) -> None:
         heads = [head for unit in one.units.values() for head in (unit, "share")]
         rows = [(f"{one.measure}, RMS", *heads)]
         for name, sizes in one.parts.items():
-            told = [(f"{size.rms:.3g}", f"{size.share_percent:z.1f} %") for size in sizes.values()]
+            told = [(f"{size.rms:.3g}", size.share) for size in sizes.values()]
             rows.append((name, *chain.from_iterable(told)))
         print_rows(rows, "<" + ">" * len(heads))
         for text in one.remarks:

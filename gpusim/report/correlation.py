@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _COLUMNS = {
     "image": "image",
     "time_s": "taken at (s)",
-    "measured": "measured",
+    "measured": "points measured",
     "u_mean": "mean u (px)",
     "v_mean": "mean v (px)",
     "motion_max": "most motion (px)",
@@ -100,13 +100,15 @@ def correlation_report(
                      "measured": f"{one['measured']} of {one['points']}"} for one in rows)
     ]  # fmt: skip
     last = dict(zip(names, cells[-1], strict=True))
+    empty = unmeasured(rows)
     facts = {key: f"{value:g}" if isinstance(value, float) else str(value)
              for key, value in settings.items()}  # fmt: skip
     return Report(
         scene=Path(settings["reference"]).name,
         adapter=facts.pop("adapter"),
         version=facts.pop("version"),
-        status="done",
+        status="failed" if empty else "done",
+        failure=f"No point could be measured in {empty}." if empty else "",
         description=_SPACE if "W_mean" in names else _PICTURE,
         warnings=tuple(warnings),
         highlights={names[key]: (last[key], last["image"]) for key in _CARDS if key in names},
@@ -114,6 +116,11 @@ def correlation_report(
         tables=(Table("Images", tuple(names.values()), tuple(map(tuple, cells))),),
         links=tuple(Link(path.name, path) for path in tables),
     )
+
+
+def unmeasured(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Images without any point measured, of ``rows`` as `summary` has them."""
+    return ", ".join(row["image"] for row in rows if row["measured"] == 0)
 
 
 def _cell(value: Any) -> str:

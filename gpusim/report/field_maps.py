@@ -31,7 +31,7 @@ Frame = tuple[float, float, float, float]
 Backdrop = tuple[Single, Frame]
 """A grey picture from 0 to 1, and where it lies."""
 
-_PANEL = 2.8  # inches
+_PANEL = 2.3  # inches
 _PICTURE_PX = 900  # width of the picture below a map
 _AROUND = 0.1  # of a picture's longer side that maps show at least, of few points, too
 _SHOWN = 0.01  # share of the values beyond either end of a colour bar
@@ -112,7 +112,7 @@ def draw_panels(
     their ``points`` (M, 2) px; a ``last`` panel draws something else there."""
     backdrop, frame = grey_picture(image), _frame_of(points, _AROUND * max(image.shape[:2]))
     tall, wide = frame[2] - frame[3], frame[1] - frame[0]
-    inches = float(np.clip(_PANEL * tall / wide, 0.9, 4.5))
+    inches = float(np.clip(_PANEL * tall / wide, 0.9, 2.8))
     rows = -(-(len(maps) + (last is not None)) // columns)
 
     def draw(canvas: Canvas) -> None:

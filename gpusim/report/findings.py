@@ -227,6 +227,11 @@ class PartSize:
     rms_percent: float
     share_percent: float
 
+    @property
+    def share(self) -> str:
+        """The share as a reader sees it; nothing where there is no error to have a share of."""
+        return f"{self.share_percent:z.1f} %" if math.isfinite(self.share_percent) else ""
+
 
 @dataclass(frozen=True)
 class Explanation:

@@ -205,7 +205,7 @@ def draw_differences(
     draw_png(path, (_SIZE[0], 5.6), draw)
     places = [
         f"{curve.name} at "
-        + ", ".join(f"{p:.1f} ± {s:.1f}" for p, s in zip(curve.breaks, curve.sigma, strict=True))
+        + ", ".join(f"{p:.2f} ± {s:.1g}" for p, s in zip(curve.breaks, curve.sigma, strict=True))
         for curve in curves
         if len(curve.breaks)
     ]

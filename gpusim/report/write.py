@@ -89,7 +89,10 @@ def _draw(report: Report, folder: Path) -> dict[str, list[Figure]]:
         begin(draw_overlay, item, _path(folder, "markers", number, item.title))
         for number, item in enumerate(report.overlays, 1)
     ]
-    judged = [item for item in report.measurements if np.isfinite(item.error_relative)]
+    judged = [
+        item for item in report.measurements
+        if item.tolerance_relative is not None and np.isfinite(item.error_relative)
+    ]  # fmt: skip
     if len(judged) >= _WORTH_BARS:
         sections["errors"] = [begin(draw_errors, judged, inside(folder, "errors.png"))]
     if len(report.residuals) >= _WORTH_A_PLOT:

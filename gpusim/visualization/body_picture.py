@@ -39,9 +39,9 @@ from gpusim.visualization.turntable import Turntable
 
 WIDTH, HEIGHTS = 1280, (440, 860)
 """Of a picture, px; as high as the bodies ask for."""
-SIZE, EDGE = 20, 22
+SIZE, EDGE = 26, 22
 """Of letters, and of the free border, px."""
-TOP, RIGHT, BELOW = 46, 170, 96
+TOP, RIGHT, BELOW = 54, 190, 104
 """Px that title, legend and scale take."""
 FIELD_OF_VIEW = 0.2
 """rad: little perspective, so that the scale holds for all that is seen."""

@@ -59,7 +59,7 @@ def test_tables_maps_and_page(cli: Run, pictures: Path, tmp_path: Path) -> None:
     )
     assert done.exit_code == 0, done.output
     assert "one.tif" in done.output and "masked" in done.output
-    (taken,) = re.findall(r"^dic +([0-9.]+) s", done.output, re.MULTILINE)
+    (taken,) = re.findall(r"^ *([0-9.]+) s +dic", done.output, re.MULTILINE)
     told = json.loads((out / "report.json").read_text())["images"]
     assert float(taken) >= sum(image["seconds"] for image in told) - 0.01 > 0.0
     names = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,12 @@ from gpusim.cli.tables import (
     print_budget,
     print_correlation,
     print_deck,
+    print_explanations,
     print_report,
     print_rows,
 )
 from gpusim.report import Measurement, Report
-from gpusim.report.findings import Budget, BudgetRow
+from gpusim.report.findings import Budget, BudgetRow, Explanation, PartSize
 
 END = ["warning: be careful", "", f"Report: {Path('out') / 'report.html'}"]
 
@@ -68,6 +70,20 @@ def test_errors_of_each_state(capsys: pytest.CaptureFixture[str]) -> None:
         "images with   (1)    (2)",
         "everything    0.5  1e-05",
         "only noise   0.25      2",
+        *END,
+    ]
+
+
+def test_parts_of_an_error(capsys: pytest.CaptureFixture[str]) -> None:
+    sizes = {"displacements": PartSize(0.5, 50.0, -12.34), "strains": PartSize(0.0, nan, nan)}
+    one = Explanation("field", 1, {"displacements": "mm", "strains": "microstrain"},
+                      {"noise": sizes}, ("All is noise.",))  # fmt: skip
+    print_explanations(report(explanations=(one,)), Path("out"))
+    assert lines(capsys) == [
+        "",
+        "field, RMS   mm    share  microstrain  share",
+        "noise       0.5  -12.3 %            0",
+        "All is noise.",
         *END,
     ]
 

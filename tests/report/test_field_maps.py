@@ -74,7 +74,7 @@ def test_panels_show_the_part_around_the_points(tmp_path: Path) -> None:
     left, right, low, high = axes.axis()  # type: ignore[attr-defined]
     assert 0.0 < left < 20.0 and 56.0 < right < 60.0 and 0.0 < high < 10.0 and 26.0 < low < 30.0
     height, width = read_image(tmp_path / "maps.png").shape[:2]
-    assert width == pytest.approx(2 * 3.6 * 200, abs=2) and 0.4 < height / width < 0.7
+    assert width == pytest.approx(2 * 3.1 * 200, abs=2) and 0.4 < height / width < 0.7
 
 
 def test_few_points_are_shown_with_what_is_around_them(tmp_path: Path) -> None:

@@ -59,7 +59,7 @@ def told(capsys: pytest.CaptureFixture[str], count: int, *others: str) -> list[s
                 progress(f"{FRONT}{number:04d}", done, "words")
         for name in others:
             progress(name, 1.0, "")
-    return [line.split()[0] for line in capsys.readouterr().out.splitlines()]
+    return [line.split()[2] for line in capsys.readouterr().out.splitlines()]
 
 
 def test_progress_in_a_pipe(capsys: pytest.CaptureFixture[str]) -> None:

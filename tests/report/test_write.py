@@ -94,7 +94,8 @@ def make_report(folder: Path, bits: int = 8) -> Report:
         measurements=(
             Measurement.compare("tip", "mm", -4.02, -4.0, tolerance_relative=1e-3),
             Measurement.compare("middle", "mm", math.nan, -2.0),
-            Measurement.compare("quarter", "mm", -0.5003, -0.5),
+            Measurement.compare("quarter", "mm", -0.5003, -0.5, tolerance_relative=1e-3),
+            Measurement.compare("mean exx", "um/m", 320.0, 1e-9),
             Measurement.compare("scale", "mm/px", 0.2001, 0.2, tolerance_relative=1e-3),
         ),
         warnings=("marker beam-02 was lost",),
@@ -146,6 +147,7 @@ def test_the_page_is_complete_and_self_contained(written: tuple[Path, ReportPath
         "Mesa",
     ):
         assert words in page.text, words
+    assert "10¹³" not in page.text  # of a truth that is zero but for rounding
     assert "<b>" not in text.replace("<b>mesh</b>", "")  # the scene's name was escaped
     assert "nan" not in page.text.lower().split()
     assert sum(link.startswith("data:image/") for link in page.references) == 2 + 2 + 4

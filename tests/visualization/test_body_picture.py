@@ -13,6 +13,7 @@ from gpusim.gpu import Device
 from gpusim.visualization.body_picture import (
     PLACE,
     SHOWN,
+    SIZE,
     BodyPictures,
     DisplacedBody,
     exaggeration,
@@ -54,7 +55,7 @@ def test_a_pixel_has_the_legends_colour_of_its_value(device: Device) -> None:
     expected = 255.0 * scale.colors[np.rint(255.0 * share).astype(int)]
     assert np.abs(shown - expected).max() <= 3.0  # a step of the table, and rounding
     # and the same colours stand in the legend, at the height of the value
-    bar = round(picture.shape[1] - 22 - legend_width(pictures.overlay, scale, "m", 20)) + 20
+    bar = round(picture.shape[1] - 22 - legend_width(pictures.overlay, scale, "m", SIZE)) + SIZE
     table = np.rint(255.0 * scale.colors)
     known = np.abs(picture[:, bar, None].astype(float) - table).max(axis=2).min(axis=1) <= 1.0
     first, last = np.flatnonzero(known)[[0, -1]]

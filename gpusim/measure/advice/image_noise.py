@@ -15,8 +15,11 @@ import scipy
 
 from gpusim.arrays.array_types import Bool, Float
 from gpusim.field_summary import field_summary
+from gpusim.validation import require
 
 DIFFERENCES = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])
+AT_REST = 0.1
+"""px, from which on motion and not noise makes most of a difference."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,8 @@ class ImageNoise:
 def image_noise(picture: Float, still: Float | None, used: Bool) -> ImageNoise:
     """Noise of a picture (H, W) where ``used`` is True; from another one if there is a ``still``.
 
-    Where the line would fall, noise is taken as the same at all grey values.
+    Where the line would fall, noise is taken as the same at all grey values. Raises InputError if
+    the ``still`` has moved.
     """
     if still is None:
         rest = _filtered(picture, DIFFERENCES) / (DIFFERENCES @ DIFFERENCES)
@@ -50,6 +54,10 @@ def image_noise(picture: Float, still: Float | None, used: Bool) -> ImageNoise:
     else:
         rest = (still - picture - (still - picture)[used].mean()) / np.sqrt(2.0)
         grey = 0.5 * (still + picture)
+        slopes = np.stack(np.gradient(grey), axis=-1)[used]
+        moved = np.linalg.norm(np.linalg.lstsq(slopes, (picture - still)[used])[0])
+        require(moved <= AT_REST, "still", f"a picture moved by {moved:.2g} px",
+                "the same scene at rest, for its noise")  # fmt: skip
     square, grey = np.square(rest)[used], grey[used]
     slope = max(float(np.cov(grey, square)[0, 1] / max(grey.var(), 1e-300)), 0.0)
     return ImageNoise(float(square.mean() - slope * grey.mean()), slope)

@@ -39,7 +39,7 @@ def level_warnings(image: npt.NDArray[Any], sensor: Sensor) -> list[str]:
             well = f" (at {most} of {full}: the full well)" if most < full else ""
             return [
                 f"has {100 * shares.max():.2g} % of its{color}pixels saturated{well}: lower "
-                "[sensor] exposure or the lamps' power"
+                "[sensor] exposure or, where that is a number, the lamps' power"
             ]
     elif high - black < LEAST_LEVEL * (full - black):
         return [

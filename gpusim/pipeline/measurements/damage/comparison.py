@@ -162,7 +162,7 @@ class DamageResult(Result):
         return texts
 
     def _figures(self, folder: Path) -> list[Drawing]:
-        """Lines and differences of each group, to be drawn into ``folder``."""
+        """Differences and lines of each group, to be drawn into ``folder``."""
         figures: list[Drawing] = []
         for group in dict.fromkeys(line.group for line in self.lines):
             lines = [line for line in self.lines if line.group == group]
@@ -171,8 +171,6 @@ class DamageResult(Result):
             across = f"deflection along {lines[0].across} (mm)"
             stem = f"{self.name}-{group}"
             whole = [_curve(line, line.deflection_mm, line.true_mm) for line in lines]
-            path = inside(folder, f"{stem}-lines.png")
-            figures.append(partial(draw_deflections, whole, (along, across), path))
             changed = [
                 _curve(line, line.difference_mm, line.true_difference_mm)
                 for line in lines
@@ -183,6 +181,8 @@ class DamageResult(Result):
                 path = inside(folder, f"{stem}-differences.png")
                 scale = lines[0].mm_per_px
                 figures.append(partial(draw_differences, changed, labels, scale, path))
+            path = inside(folder, f"{stem}-lines.png")
+            figures.append(partial(draw_deflections, whole, (along, across), path))
         return figures
 
 

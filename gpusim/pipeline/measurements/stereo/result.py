@@ -160,7 +160,7 @@ class StereoResult(MarkerResult):
                     )  # fmt: skip
 
     def _figures(self, folder: Path) -> list[Drawing]:
-        """Rig, calibration and reconstruction, to be drawn into ``folder``."""
+        """Reconstruction, rig and calibration, to be drawn into ``folder``."""
         stem = safe_name(self.name)
         of_camera = [self.corner_camera == k for k in range(len(self.cameras))]
         cameras = [
@@ -183,11 +183,11 @@ class StereoResult(MarkerResult):
         factor = round_down(max(longest / largest, 1.0)) if largest > 0.0 else 1.0
         return [
             partial(
-                draw_rig, cameras, rest[fine], self.boards_mm, inside(folder, f"{stem}-rig.png")
-            ),
-            calibration,
-            partial(
                 draw_reconstruction,
                 rest, self.measured_mm, self.true_mm, factor, inside(folder, f"{stem}-space.png"),
             ),
+            partial(
+                draw_rig, cameras, rest[fine], self.boards_mm, inside(folder, f"{stem}-rig.png")
+            ),
+            calibration,
         ]  # fmt: skip
