@@ -54,7 +54,7 @@ def image_noise(picture: Float, still: Float | None, used: Bool) -> ImageNoise:
     else:
         rest = (still - picture - (still - picture)[used].mean()) / np.sqrt(2.0)
         grey = 0.5 * (still + picture)
-        slopes = np.stack(np.gradient(grey), axis=-1)[used]
+        slopes = np.stack([*np.gradient(grey)], axis=-1)[used]
         moved = np.linalg.norm(np.linalg.lstsq(slopes, (picture - still)[used])[0])
         require(moved <= AT_REST, "still", f"a picture moved by {moved:.2g} px",
                 "the same scene at rest, for its noise")  # fmt: skip
