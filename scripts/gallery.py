@@ -13,16 +13,19 @@ from pathlib import Path
 import cv2
 import numpy as np
 import numpy.typing as npt
-from gallery_shapes import FACE, SQUARE, ball, box, sheet, turned_body
 
-import gpusim as gs
-from gpusim.optics.light.studio import studio
-from gpusim.report.html import fitting
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))  # its sources, not those of a wheel that is installed
+
+from gallery_shapes import FACE, SQUARE, ball, box, sheet, turned_body  # noqa: E402
+
+import gpusim as gs  # noqa: E402
+from gpusim.optics.light.studio import studio  # noqa: E402
+from gpusim.report.html import fitting  # noqa: E402
 
 Array = npt.NDArray[np.float64]
 Picture = npt.NDArray[np.uint8]
 """Red, green, blue, by the curve of sRGB."""
-ROOT = Path(__file__).resolve().parent.parent
 OUT = ROOT / "docs" / "gallery"
 SIZE = (720, 480)
 MAPS_SIZE = 1000, 760  # at most
@@ -118,16 +121,20 @@ def plate_truth() -> Picture:
     return np.asarray(colours[..., ::-1], np.uint8)
 
 
-def maps(example: str, figure: str) -> Picture:
-    """A figure of the report of an example."""
+def maps(
+    example: str, figure: str, work: Callable[..., gs.Report] = gs.run, part: float = 1.0
+) -> Picture:
+    """A figure of the report of an example, by `gpusim.run` or other ``work``; the upper ``part``
+    of it."""
     with tempfile.TemporaryDirectory() as folder:
-        gs.run(gs.load_scene(ROOT / "examples" / f"{example}.toml"), folder)
-        return small(Path(folder, "figures", figure))
+        work(gs.load_scene(ROOT / "examples" / f"{example}.toml"), folder)
+        return small(Path(folder, "figures", figure), part)
 
 
-def small(path: Path) -> Picture:
-    """A figure as large as a page shows it sharply."""
+def small(path: Path, part: float) -> Picture:
+    """A figure, or the upper part of it, as large as a page shows it sharply."""
     image = cv2.imread(str(path))
+    image = image[: round(part * len(image))]
     size = fitting(image.shape, *MAPS_SIZE)
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA)[..., ::-1], np.uint8)
 
@@ -355,6 +362,9 @@ PICTURES: dict[str, Callable[[], Picture]] = {
     "plate_truth": plate_truth,
     "plate_hole_maps": lambda: maps("plate_hole_stereo", "field-strain.png"),
     "vessel_maps": lambda: maps("curved_stereo", "wall-strain.png"),
+    "rigid_shift_parts": lambda: maps(
+        "rigid_shift", "field-parts-displacements.png", gs.explain, 1 / 3
+    ),
     "steel": lambda: metals(studio(), 1.7),
     "dusk": lambda: metals(dusk(), 1.0),
     "chart_daylight": lambda: chart(False),

@@ -5,6 +5,7 @@ python scripts/paint_gallery.py
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,14 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-import gpusim as gs
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))  # its sources, not those of a wheel that is installed
+
+import gpusim as gs  # noqa: E402
 
 Array = npt.NDArray[np.float64]
 SIDE = 200
-OUT = Path(__file__).resolve().parent.parent / "docs" / "paint.png"
+OUT = ROOT / "docs" / "paint.png"
 
 
 def plate(paint: gs.paint.Paint, backend: str) -> npt.NDArray[np.uint8]:

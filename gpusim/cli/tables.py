@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
@@ -12,6 +13,9 @@ from gpusim.cli.console import out, size_text, time_text
 if TYPE_CHECKING:
     from gpusim.plan.plan import Plan
     from gpusim.report import Report
+
+_WIDEST = 60
+"""Letters of a measurement's name from which on what it has in brackets goes below it."""
 
 
 def print_rows(rows: Iterable[Sequence[str] | str], sides: str) -> None:
@@ -136,16 +140,18 @@ def print_plan(made: Plan) -> None:
 
 def print_report(report: Report, folder: Path) -> None:
     """What was measured beside what is true, warnings, and where the page is."""
-    rows = [("", "measured", "truth", "error", "", "")]
+    rows: list[Sequence[str] | str] = [("", "measured", "truth", "error", "", "")]
     for item in report.measurements:
         if not item.detail:
-            # reasons in brackets are on the page
-            name = item.name if len(item.name) < 60 else item.name.partition(" (")[0]
-            # of a truth that is zero but for rounding no share says anything
-            known = abs(item.error_relative) < 1e3
-            relative = f"{100 * item.error_relative:+.3f} %" if known else ""
+            # long reasons in brackets have a line of their own
+            name, bracket, reasons = item.name, "", ""
+            if len(name) >= _WIDEST:
+                name, bracket, reasons = name.partition(" (")
+            told = math.isfinite(item.relative_told)
+            relative = f"{100 * item.relative_told:+.3f} %" if told else ""
             values = f"{item.measured:.6g}", f"{item.truth:.6g}", f"{item.error:.3g}"
             rows.append((name, *values, item.unit, relative))
+            rows += [f"    ({reasons}"] if bracket else []
     if len(rows) > 1:
         out()
         print_rows(rows, "<>>><>")

@@ -27,6 +27,10 @@ _AXES = {
 _BOUND_KEYS = tuple(f"{axis}_{side}" for axis in "xyz" for side in ("min", "max"))
 
 
+class UnknownSet(InputError):
+    """The mesh has no set of that name."""
+
+
 class EmptySelection(InputError):
     """Nothing of the mesh is where it was asked for."""
 
@@ -163,7 +167,7 @@ def _chosen_cells(mesh: Mesh, name: str) -> Bool:
 
 def _unknown_set(where: str, mesh: Mesh, name: str) -> InputError:
     known = {*mesh.node_sets, *mesh.face_sets, *mesh.cell_sets}
-    return InputError(f"{where}: unknown set; got {name!r}; expected {_one_of(name, known)}")
+    return UnknownSet(f"{where}: unknown set; got {name!r}; expected {_one_of(name, known)}")
 
 
 def _one_of(name: str, known: Iterable[str]) -> str:

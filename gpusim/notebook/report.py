@@ -55,7 +55,7 @@ def plot(report: Report, ax: Axes | None, *, series: str | int = 0, **style: Any
     """A measured line on the true one; the relative errors of a run without lines."""
     if report.series:
         return plot_series(_chosen(report, series), ax, **style)
-    known = [one for one in report.measurements if np.isfinite(one.error_relative)]
+    known = [one for one in report.measurements if np.isfinite(one.relative_told)]
     what = "Report.plot: nothing was measured against a true value"
     require(bool(known), what, "no relative error", "some")
     ax = flat_axes(ax)
@@ -84,7 +84,7 @@ def _chosen(report: Report, series: str | int) -> Series:
 def _row(item: Measurement) -> tuple[str, ...]:
     measured, true, error = aligned(item)
     name = f"{item.name} ({item.unit})" if item.unit else item.name
-    relative = signed_percent(item.error_relative, 2)
+    relative = signed_percent(item.relative_told, 2)
     return name, measured, true, error, relative, _MARKS[item.verdict]
 
 

@@ -181,5 +181,8 @@ class _ScenePlan:
         cameras = [
             f"{camera.resolution}, {cost_of.effects(scene, camera)}" for camera in scene.cameras
         ]
-        measures = [type(measure).__name__ for measure in scene.measures]
+        measures = [
+            f"{type(measure).__name__}, {measure.seconds(1, 1, 2):.2e}"
+            for measure in scene.measures
+        ]
         return "; ".join([*self.details.values(), *cameras, *measures, str(len(self.frames))])

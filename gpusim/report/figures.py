@@ -235,7 +235,7 @@ def draw_load_path(load_path: LoadPath, path: PathLike) -> Figure:
 
 def draw_errors(measurements: Sequence[Measurement], path: PathLike) -> Figure:
     """Draw the relative error of each measurement as a bar, with its tolerance as two marks."""
-    shown = [item for item in measurements if np.isfinite(item.error_relative)]
+    shown = [item for item in measurements if np.isfinite(item.relative_told)]
     require(bool(shown), "measurements", "none with a relative error", "at least one")
 
     def draw(canvas: Canvas) -> None:

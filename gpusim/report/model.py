@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 SCHEMA = 1
 StageState = Literal["run", "skipped", "reused", "failed"]
 Status = Literal["done", "failed"]
+MOST_TOLD = 10.0
+"""Errors over the truth from which on their ratio says nothing."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,12 @@ class Measurement:
         """For report.json."""
         shown = "tolerance_relative", "detail"
         return {key: value for key, value in vars(self).items() if key not in shown}
+
+    @property
+    def relative_told(self) -> float:
+        """The relative error for a reader: NaN where the truth is zero but for rounding or noise,
+        many times smaller than the error."""
+        return self.error_relative if abs(self.error_relative) < MOST_TOLD else math.nan
 
     @property
     def verdict(self) -> Literal["good", "bad", "unknown"]:

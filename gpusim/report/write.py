@@ -91,7 +91,7 @@ def _draw(report: Report, folder: Path) -> dict[str, list[Figure]]:
     ]
     judged = [
         item for item in report.measurements
-        if item.tolerance_relative is not None and np.isfinite(item.error_relative)
+        if item.tolerance_relative is not None and np.isfinite(item.relative_told)
     ]  # fmt: skip
     if len(judged) >= _WORTH_BARS:
         sections["errors"] = [begin(draw_errors, judged, inside(folder, "errors.png"))]

@@ -19,6 +19,7 @@ from gpusim.cli.tables import (
 from gpusim.report import Measurement, Report
 from gpusim.report.findings import Budget, BudgetRow, Explanation, PartSize
 
+LONG = "200 beyond the edge of a picture, 100 without a speckle in sight"
 END = ["warning: be careful", "", f"Report: {Path('out') / 'report.html'}"]
 
 
@@ -50,13 +51,18 @@ def test_measured_beside_true(capsys: pytest.CaptureFixture[str]) -> None:
         Measurement("deflection", "mm", 1.9, 2.0, -0.1, -0.05),
         Measurement("RMS error", "mm", 1e-3, 0.0, 1e-3, float("inf")),
         Measurement("noise floor", "mm", 1e-3, 0.0, 1e-3, float("inf"), detail=True),
+        Measurement.compare("a shear that is noise", "um/m", -0.5, 1e-3),
+        Measurement.compare(f"points lost of 22862 ({LONG})", "1", 300.0, 0.0),
     )
     print_report(report(measurements=found), Path("out"))
     assert lines(capsys) == [
         "",
-        "            measured  truth  error",
-        "deflection       1.9      2   -0.1  mm  -5.000 %",
-        "RMS error      0.001      0  0.001  mm",
+        "                       measured  truth   error",
+        "deflection                  1.9      2    -0.1  mm    -5.000 %",
+        "RMS error                 0.001      0   0.001  mm",
+        "a shear that is noise      -0.5  0.001  -0.501  um/m",
+        "points lost of 22862        300      0     300  1",
+        f"    ({LONG})",
         *END,
     ]
 

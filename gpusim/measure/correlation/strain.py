@@ -215,6 +215,8 @@ def surface_strain(
     >>> bool(np.nanmax(np.abs(gs.measure.surface_strain(shape, window=3).tensor)) < 1e-9)
     True
     """
+    has = all(hasattr(result, name) for name in ("points", "shape", "displacement"))
+    require(has, "surface_strain: result", type(result).__name__, "what stereo_dic returned")
     points = result.points
     _check_gauge("surface_strain", window, points)
     require_one_of("kind", kind, ("green-lagrange", "hencky"))

@@ -21,7 +21,7 @@ from gpusim.measure.correlation.matching import DicResult, PointResult, Status
 from gpusim.measure.stereo.triangulation import normalised
 from gpusim.measure.targets.plumb_lines import field_slope
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 Mapping = Callable[[Float], Float]
 
@@ -68,6 +68,9 @@ def mapped(result: DicResult, mapping: Mapping) -> MappedResult:
     >>> gs.measure.mapped(result, lambda pixels: pixels / 800.0).displacement.round(5) + 0.0
     array([[0.00031, 0.     ]])
     """
+    has = isinstance(result, DicResult) and callable(mapping)
+    got = f"{type(result).__name__}, {type(mapping).__name__}"
+    require(has, "mapped: result, mapping", got, "what dic returned, and a function")
     points = result.points
     there = points + result.displacement
     place, slope = _mapped(mapping, points)

@@ -34,7 +34,7 @@ from gpusim.measure.correlation.sequence import Update, followed, gathered
 from gpusim.measure.correlation.warp import Shape
 from gpusim.measure.images import SplineImage
 from gpusim.measure.stereo.epipolar_matching import match_views, paired_epipolar_distance
-from gpusim.measure.stereo.triangulation import triangulate
+from gpusim.measure.stereo.triangulation import check_calibrated, triangulate
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import require, unmasked
 
@@ -87,9 +87,7 @@ class StereoResult(PointResult):
 
 def _check_pair(cameras: Cameras) -> None:
     require(len(cameras) == 2, "cameras", len(cameras), "the left and the right one")
-    for one in cameras:
-        fits = isinstance(one, CalibratedCamera)
-        require(fits, "cameras", type(one).__name__, "those of calibrate, or of rig_camera")
+    check_calibrated(cameras)
 
 
 @unmasked("left", "right")

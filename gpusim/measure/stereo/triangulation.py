@@ -95,6 +95,13 @@ def _solve2(matrix: Float, right: Float) -> Float:
     return np.clip(result, -0.5, 0.5)
 
 
+def check_calibrated(cameras: Sequence[CalibratedCamera]) -> None:
+    """Raise InputError for cameras of another kind."""
+    for one in cameras:
+        fits = isinstance(one, CalibratedCamera)
+        require(fits, "cameras", type(one).__name__, "those of calibrate, or of rig_camera")
+
+
 @unmasked()
 @one_blas_thread()
 def triangulate(
@@ -117,6 +124,7 @@ def triangulate(
     >>> gs.measure.triangulate(rig, [[[79.5, 59.5]], [[-0.5, 59.5]]]).points.round(4) + 0.0
     array([[0., 0., 1.]])
     """
+    check_calibrated(cameras)
     seen = np.asarray(pixels, dtype=np.float64)
     fits = len(cameras) >= 2 and seen.ndim == 3 and seen.shape[::2] == (len(cameras), 2)
     got = f"{len(cameras)} cameras and pixels of shape {seen.shape}"

@@ -148,6 +148,8 @@ class TrueMotion:
         self, points: MaterialPoints, frame: int | None, reference: int | None = 0
     ) -> Float:
         """How far they went from the ``reference`` frame, (P, 3) m, world."""
+        given = isinstance(points, MaterialPoints)
+        require(given, "displacement: points", type(points).__name__, "what seen_at returned")
         now, before = self.surfaces(frame), self.surfaces(reference)
         moved = [one.points - other.points for one, other in zip(now, before, strict=True)]
         return points.at(np.concatenate(moved))

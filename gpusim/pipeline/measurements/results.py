@@ -168,7 +168,9 @@ class Result:
     @property
     def note(self) -> str:
         """What became of it, in a few words."""
-        return f"{len(self.table.points)} {self.table.what}s in {len(self.table.frames)} frames"
+        points, frames = len(self.table.points), len(self.table.frames)
+        what = f"{self.table.what}{'s' * (points > 1)}"
+        return f"{points} {what} in {frames} frame{'s' * (frames > 1)}"
 
     @property
     def warnings(self) -> list[str]:

@@ -204,8 +204,11 @@ class SceneReport:
         links = [Link("Ground truth (HDF5)", file) for file in files if file.name == "truth.h5"]
         links.append(Link("Scene as it was run", inside(self.out, "scene.toml")))
         links.append(Link("Numbers of this report", inside(self.out, "report.json")))
-        for label, suffix in (("Solution for ParaView", ".pvd"), ("Measured points", ".csv")):
-            links += [Link(label, file) for file in sorted(files) if file.suffix == suffix]
+        for label, suffix in (("Solution for ParaView", ".pvd"), ("Measured: {}", ".csv")):
+            links += [
+                Link(label.format(file.stem), file)
+                for file in sorted(files) if file.suffix == suffix
+            ]  # fmt: skip
         if any(file.parent.name == "calibration" for file in files):
             links.append(Link("Calibration for other programs", inside(self.out, "calibration")))
         return tuple(links)

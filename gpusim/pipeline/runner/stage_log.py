@@ -33,6 +33,7 @@ class StageLog:
         self.describe(plan)
         self._left: Counter[tuple[str, str]] = Counter()
         self._names: dict[str, tuple[str, str]] = {}
+        self._measured: dict[str, list[str]] = {}
         for place, stages in self._public.items():
             for stage in stages:
                 for task in stage.tasks:
@@ -45,11 +46,15 @@ class StageLog:
         self._details = {stage.name: stage.detail for stage in plan.stages}
 
     def begin(self, place: str) -> None:
-        """Tell what isn't run."""
-        for stage in self._public[place]:
-            if not stage.runs:
-                name = public_name(place, stage.name)
-                self.tell(name, 1.0, f"{stage.state}: {stage.reason}")
+        """Tell what isn't run: each stage, of several states how many."""
+        others = [stage for stage in self._public[place] if not stage.runs]
+        if len(self._public) == 1:
+            for stage in others:
+                self.tell(stage.name, 1.0, f"{stage.state}: {stage.reason}")
+        elif others:
+            counts = Counter(stage.state for stage in others).items()
+            words = ", ".join(f"{count} {state}" for state, count in counts)
+            self.tell(place.removeprefix("variants/") or "scene", 1.0, f"of its stages {words}")
 
     def observe(self, task: Task, done: float, words: str) -> None:
         """Hear how far a task is."""
@@ -61,6 +66,10 @@ class StageLog:
             with self._lock:
                 self._left[place, stage] -= 1
                 whole = not self._left[place, stage]
+                if stage == "measure":  # what became of each of them
+                    told = self._measured.setdefault(place, [])
+                    told.append(words)
+                    words = "; ".join(filter(None, told))
             if not whole:
                 return
         elif not words:

@@ -16,7 +16,7 @@ from gpusim.field import Field, read_field
 from gpusim.files.input_file import InputFile, Reader, read_input
 from gpusim.mesh import Faces, Mesh
 from gpusim.mesh.formats.cad_cache import cached_cad_mesh, is_kept
-from gpusim.mesh.selection import EmptySelection
+from gpusim.mesh.selection import EmptySelection, UnknownSet
 from gpusim.pipeline.scene_objects.arguments import arguments_of
 from gpusim.report import MeshSummary
 from gpusim.scene.description import model as m
@@ -147,19 +147,26 @@ _FACING = np.deg2rad(30.0)  # as `mesh.select_faces` has it
 
 def nodes_of(grid: Mesh, where: m.WhereTable) -> Int:
     """Node numbers. Raises InputError if there are none."""
-    try:
+    with _in_words_of_scenes("nodes", where, grid):
         return mesh.select_nodes(grid, **_conditions(where))
-    except EmptySelection as error:
-        raise _none_found("nodes", where, grid.points) from error
 
 
 def faces_of(grid: Mesh, faces: Faces, where: m.WhereTable) -> Faces:
     """Of the boundary ``faces``, or of a named set. Raises InputError if there are none."""
-    try:
-        among = None if where.set is not None else faces
+    among = None if where.set is not None else faces
+    with _in_words_of_scenes("faces", where, grid):
         return mesh.select_faces(grid, faces=among, **_conditions(where))
+
+
+@contextmanager
+def _in_words_of_scenes(what: str, where: m.WhereTable, grid: Mesh) -> Iterator[None]:
+    """Errors of a selection of ``what`` by keys of a ``where``."""
+    try:
+        yield
     except EmptySelection as error:
-        raise _none_found("faces", where, grid.points) from error
+        raise _none_found(what, where, grid.points) from error
+    except UnknownSet as error:
+        raise InputError(f"where.set: {str(error).partition(': ')[2]}") from error
 
 
 def surface_faces_of(points: Float, faces: Int, where: m.WhereTable) -> Long:

@@ -27,7 +27,7 @@ def measure(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     device = session.device if spec.correlates else None
     result = measured(spec, scene, objects, _sources(scene, inputs, device))
     result.write(inputs.new_file("measure/-").parent)
-    return StageResult(inputs.new_files(), words=result.note)
+    return StageResult(inputs.new_files(), words=f"{spec.name}: {result.note}")
 
 
 def _sources(scene: Scene, inputs: Inputs, device: Device | None) -> Sources:
