@@ -146,6 +146,13 @@ def test_relative_error_keeps_its_sign_and_needs_a_truth() -> None:
     assert math.isnan(Measurement.compare("a", "mm", 1.0, 0.0).error_relative)
 
 
+@pytest.mark.parametrize(("truth", "told"), [(0.2, True), (1e-3, False), (0.0, False)])
+def test_a_truth_below_the_noise_has_no_relative_error_to_tell(truth: float, told: bool) -> None:
+    item = Measurement.compare("exy", "um/m", truth - 0.5, truth)
+    assert math.isfinite(item.relative_told) == told
+    assert not told or item.relative_told == item.error_relative
+
+
 def test_arrays_are_checked() -> None:
     x = np.arange(3.0)
     with pytest.raises(InputError, match=r"measured \(2,\)"):

@@ -105,6 +105,8 @@ def test_what_lies_beyond_the_horizon_is_outside() -> None:
 
 
 def test_what_is_no_mapping_is_refused() -> None:
+    with pytest.raises(InputError, match="result, mapping; got int, int; expected what dic"):
+        mapped(3, 4)  # type: ignore[arg-type]
     result, _ = measured()
     with pytest.raises(InputError, match="mapping"):
         mapped(result, lambda pixels: pixels[:, 0])

@@ -198,6 +198,8 @@ def test_wrong_arguments_name_themselves(change: dict[str, object], words: str) 
     camera = gs.Camera(70, 60, RIG[0].K)
     with pytest.raises(InputError, match="got Camera; expected those of calibrate"):
         stereo_shape(image, image, (camera, camera), subset=15)
+    with pytest.raises(InputError, match="surface_strain: result; got int"):
+        surface_strain(3)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.measure import (
     CalibratedCamera,
@@ -122,6 +123,9 @@ def test_depth_tells_points_on_one_epipolar_line_apart() -> None:
 
 
 def test_wrong_input_is_refused() -> None:
+    camera = gs.Camera(70, 60, np.diag([80.0, 80.0, 1.0]))
+    with pytest.raises(InputError, match="got Camera; expected those of calibrate"):
+        triangulate([camera, camera], np.zeros((2, 1, 2)))  # type: ignore[list-item]
     with pytest.raises(InputError, match="at least two"):
         triangulate(CAMERAS[:1], np.zeros((1, 4, 2)))
     with pytest.raises(InputError, match="limit_px"):

@@ -96,4 +96,6 @@ def test_wrong_places_and_cameras_are_named() -> None:
         motion.seen_at("frnt", PLACES)
     with pytest.raises(InputError, match=r"pixels; got \(2,\)"):
         motion.seen_at("front", PLACES[0])
+    with pytest.raises(InputError, match="points; got int; expected what seen_at returned"):
+        motion.displacement(3, 1)
     assert motion.seen_at("front", [[np.nan, 3.0], [-900.0, 5.0]]).seen.tolist() == [False, False]

@@ -93,7 +93,11 @@ def test_a_rerun_reuses_the_states(done: tuple[gs.Scene, gs.Report, Path]) -> No
     plan = make_plan(scene, out)
     again = [s.name for s in plan.stages if s.runs]
     assert [n for n in again if not n.endswith("report")] == ["damage"]
-    second = run(scene, out)
+    told: dict[str, str] = {}
+    second = run(scene, out, progress=lambda stage, _, words: told.update({stage: words}))
+    # one line for each state, and what is made
+    assert {*told} - {"damage", "report"} == {"whole", "cut", "whole/report", "cut/report"}
+    assert told["whole"].startswith("of its stages ") and " reused" in told["whole"]
     assert [m.measured for m in second.measurements] == pytest.approx(
         [m.measured for m in first.measurements], nan_ok=True, rel=1e-12
     )

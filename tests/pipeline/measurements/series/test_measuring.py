@@ -75,9 +75,25 @@ def sheet(
 
 
 @pytest.fixture(scope="module")
-def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[gs.Report, Path]:
+def words() -> dict[str, str]:
+    """The last that was told of each stage of the run."""
+    return {}
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory, words: dict[str, str]) -> tuple[gs.Report, Path]:
     folder = tmp_path_factory.mktemp("series")
-    return gs.run(sheet(folder, MEASURES), folder / "out"), folder / "out"
+    report = gs.run(
+        sheet(folder, MEASURES), folder / "out",
+        progress=lambda stage, _, text: words.update({stage: text}),
+    )  # fmt: skip
+    return report, folder / "out"
+
+
+def test_every_measure_is_told(done: tuple[gs.Report, Path], words: dict[str, str]) -> None:
+    told = words["measure"].split("; ")
+    assert sorted(text.partition(": ")[0] for text in told) == sorted(MEASURES)
+    assert {"small: 1 gauge in 1 frame", "points: 2 points in 2 frames"} <= {*told}
 
 
 @pytest.fixture
@@ -210,6 +226,8 @@ def test_what_the_report_says(done: tuple[gs.Report, Path], found: Get) -> None:
     assert {"points: u, right", "gauge: exx"} <= {one.name for one in report.series}
     rows = (out / "measure" / "points.csv").read_text().splitlines()
     assert rows[0].startswith("frame,point,status,followed,x_px,y_px,") and len(rows) == 1 + 2 * 2
+    labels = [link.label for link in report.links]
+    assert len({*labels}) == len(labels) and "Measured: points" in labels
     page = (out / "report.html").read_text()
     assert "points: tracked subsets" in page and "line: u along the line" in page
 
