@@ -91,7 +91,9 @@ def meshed(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 BODY = "body.part"
 FAULTS = {
-    f'{BODY}.support.clamp.where={{set="face_99"}}': "support 'clamp': where.set: unknown set; got 'face_99'; expected one of face_1",
+    f'{BODY}.support.clamp.where={{set="face_99"}}': (
+        "support 'clamp': where.set: unknown set; got 'face_99'; expected one of face_1"
+    ),
     f'{BODY}.load.pull.where={{set="face_l"}}': "face_4, face_5, face_6 (did you mean 'face_",
     f"{BODY}.paint.grey.where={{x_min_mm=77.0}}": (
         "paint 'grey': where: no faces found; got x_min_mm 77; expected a part of x "

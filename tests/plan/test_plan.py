@@ -18,6 +18,7 @@ from gpusim.plan.plan import Plan, make_plan
 from gpusim.plan.programs import earlier_programs, keep_programs
 from gpusim.plan.stages import START_SECONDS, RunOptions
 from gpusim.scene import Scene, load_scene
+from tests.support.speckled_plate import speckled_plate
 
 
 @pytest.fixture(scope="module")
@@ -233,6 +234,17 @@ def test_skipped_because_the_scene_does_not_need_it(crane: Scene) -> None:
     moved = document["body"][0]["support"][0]
     moved["displacement_mm"] = [0.0, 0.0, 1.0]
     assert make_plan(Scene.from_document(document))["solve"].runs
+
+
+def test_what_a_measurement_takes_is_known_for_its_subsets_alone() -> None:
+    works = [
+        {work.kind: work for work in make_plan(speckled_plate({"camera": "left"} | asked)).works}[
+            "measure"
+        ]
+        for asked in ({}, {"min_zncc": 0.5}, {"step_px": 5})
+    ]
+    first, same, finer = (work.signature for work in works)
+    assert first == same != finer
 
 
 def test_a_scene_without_bodies(crane: Scene) -> None:
