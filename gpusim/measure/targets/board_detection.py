@@ -27,6 +27,7 @@ from gpusim.validation import require, unmasked
 
 DETECTION_SIZES = (1000, 1800, 500, 3200)  # px on the longer side, tried in this order
 ATTEMPTS = 3  # detections that are tried while a whole line of corners is missing
+NOISY_SIZE = 2**20  # px in a picture, above which the quad detector gets it smoothed
 MIN_STEP = 6.0  # px between corners
 MIN_SHARE = 0.5  # of the corners that have to be fitted
 RIM_SHARE = 0.85  # of the white rim around a marker: what the fit of a corner may see
@@ -127,7 +128,12 @@ def _detections(
         (cv2.findChessboardCorners, cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE),
     )
     for (detect, flags), factor in product(detectors, factors):
-        found, points = detect(reduced(factor), corners, flags=flags)
+        picture = reduced(factor)
+        if detect is cv2.findChessboardCorners and picture.size > NOISY_SIZE:
+            # of noise, which equalising spreads over all grey levels, it makes so many quads that
+            # comparing each with each takes half a minute, if there is no whole board to end it
+            picture = np.asarray(cv2.GaussianBlur(picture, (0, 0), 1.0), dtype=np.uint8)
+        found, points = detect(picture, corners, flags=flags)
         if found:
             yield _full_size(points, factor)
 

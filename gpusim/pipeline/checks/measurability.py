@@ -8,7 +8,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.pipeline.pictures.visibility import unseen
+from gpusim.pipeline.pictures.visibility import spread_points, unseen
 from gpusim.surface import Surface
 from gpusim.surface.paint import Speckle
 
@@ -83,11 +83,6 @@ def _hidden(surface: Surface, region: int, camera: Camera, surfaces: Sequence[Su
     """Whether the camera sees none of points that are spread over a region."""
     corners = _corners(surface, region)
     corners = corners[:: max(1, len(corners) // LOOKED_AT)]
-    each = -(-LOOKED_AT // max(1, len(corners)))
-    # spread over a triangle evenly: the plastic number's sequence, folded
-    s, t = (np.arange(1, each + 1)[:, None] * [0.7548776662, 0.5698402910] % 1.0).T
-    s, t = np.where(s + t > 1.0, 1.0 - s, s), np.where(s + t > 1.0, 1.0 - t, t)
-    weights = np.stack([1.0 - s - t, s, t], axis=1)
-    points = np.einsum("kc,tca->tka", weights, corners).reshape(-1, 3)
-    size = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1).repeat(each)
-    return all(unseen(camera, points, size, surfaces))
+    points = spread_points(corners, LOOKED_AT)
+    size = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1).repeat(points.shape[1])
+    return all(unseen(camera, points.reshape(-1, 3), size, surfaces))

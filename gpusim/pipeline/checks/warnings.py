@@ -18,6 +18,7 @@ from gpusim.optics.shading.lighting import MAX_EMITTERS, emitting_points
 from gpusim.pipeline.checks.measurability import disc_warnings
 from gpusim.pipeline.checks.resources import mesh_fault
 from gpusim.pipeline.measurements.kinds import Unloaded, kind_of
+from gpusim.pipeline.pictures.framing import board_warnings
 from gpusim.pipeline.pictures.visibility import blind_cameras, lamps_inside
 from gpusim.pipeline.scene_objects.cameras import build_camera
 from gpusim.pipeline.scene_objects.lights import build_lights
@@ -116,6 +117,7 @@ def geometry_warnings(objects: SceneObjects) -> list[str]:
     return [
         *(text for spec in scene.measures for text in kind_of(spec).checks(spec, scene, unloaded)),
         *blind.values(),
+        *board_warnings(objects, cameras),
         *lamps_inside(scene, surfaces),
         *disc_warnings(surfaces, cameras),
     ]

@@ -14,6 +14,7 @@ import numpy as np
 from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.errors import InputError
 from gpusim.pipeline.measurements.material_points import MaterialPoints, TrueMotion
+from gpusim.pipeline.pictures.framing import share_in_picture
 from gpusim.pipeline.scene_objects.meshing import faces_of
 from gpusim.scene.description import model as m
 
@@ -61,16 +62,9 @@ def region_of_interest(
     looked[::stride, ::stride] = True
     row, column = np.nonzero(looked)
     points = motion.seen_at(camera, np.stack([column, row], axis=1).astype(np.float64))
-    mask = points.seen
-    if region is None:
-        mask = _usual(motion, points)
-    else:
-        if region.paint is not None:
-            mask = mask & _of_paints(motion, points, [region.paint])
-        if region.where is not None:
-            mask = mask & _of_faces(motion, points, region.where)
-        for corners in _polygons(what, region, motion, camera):
-            mask = mask & inside_polygon(shape, corners)[looked]
+    mask = _asked(region, motion, points)
+    for corners in _polygons(what, region, motion, camera) if region is not None else ():
+        mask = mask & inside_polygon(shape, corners)[looked]
     if not mask.any():
         asked = ", ".join(region.model_fields_set) if region is not None else "any body"
         raise InputError(
@@ -79,6 +73,32 @@ def region_of_interest(
         )
     looked[looked] = mask
     return RegionOfInterest(looked, points[mask])
+
+
+def _asked(region: m.RegionTable | None, motion: TrueMotion, points: MaterialPoints) -> Bool:
+    """Which points (P,) are of a region, wherever its polygons lie."""
+    if region is None:
+        return _usual(motion, points)
+    mask = points.seen
+    if region.paint is not None:
+        mask = mask & _of_paints(motion, points, [region.paint])
+    if region.where is not None:
+        mask = mask & _of_faces(motion, points, region.where)
+    return mask
+
+
+def region_in_picture(region: m.RegionTable | None, motion: TrueMotion, camera: str) -> float:
+    """Share of the area of a region's faces that lies in the picture of a ``camera`` in frame 0;
+    polygons cut nothing off."""
+    surfaces = motion.surfaces(0)
+    counts = [len(one.topology.triangles) for one in surfaces]
+    number = np.repeat(np.arange(len(surfaces)), counts)
+    face = np.concatenate([one.topology.source for one in surfaces]).astype(np.int64)
+    nowhere = np.zeros((len(face), 3), np.int64), np.full((len(face), 3), np.nan)
+    own = _asked(region, motion, MaterialPoints(number, face, *nowhere))
+    corners = np.concatenate([one.points[one.topology.triangles] for one in surfaces])
+    closed = np.array([one.topology.closed for one in surfaces])[number]
+    return share_in_picture(corners[own], closed[own], motion.camera(camera))
 
 
 def _usual(motion: TrueMotion, points: MaterialPoints) -> Bool:

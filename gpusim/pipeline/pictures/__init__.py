@@ -7,5 +7,7 @@ In the order in which data passes:
   frame.
 - `visibility`: What cameras see and what hides it, cameras and lamps inside of bodies: before any
   picture.
+- `framing`: Whether what is to be measured lies within the pictures: boards, and regions of
+  surfaces.
 - `exposure`: Whether a picture is well exposed, and the exposure that was chosen for a camera.
 """

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gpusim.arrays.array_types import Float
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.view import look
 from gpusim.scene import Scene
@@ -117,6 +117,24 @@ def winding_numbers(surface: Surface, points: Float) -> Float:
             )
             result[k] += 2.0 * float(np.arctan2(triple, below).sum())
     return result / (4.0 * np.pi)
+
+
+def in_image(camera: Camera, points: Float) -> Bool:
+    """Whether points (…, 3) fall on the camera's image, hidden or not."""
+    u, v = np.moveaxis(camera.project(points), -1, 0)
+    ahead = camera.to_camera(points)[..., 2] > 0.0
+    inside = (-0.5 <= u) & (u <= camera.width - 0.5) & (-0.5 <= v) & (v <= camera.height - 0.5)
+    return np.asarray(ahead & inside)
+
+
+def spread_points(corners: Float, least: int) -> Float:
+    """Points (T, n, 3) spread evenly over triangles (T, 3, 3), at least so many in all."""
+    each = -(-least // max(1, len(corners)))
+    # the plastic number's sequence, folded
+    s, t = (np.arange(1, each + 1)[:, None] * [0.7548776662, 0.5698402910] % 1.0).T
+    s, t = np.where(s + t > 1.0, 1.0 - s, s), np.where(s + t > 1.0, 1.0 - t, t)
+    weights = np.stack([1.0 - s - t, s, t], axis=1)
+    return np.asarray(np.einsum("kc,tca->tka", weights, corners))
 
 
 def unseen(camera: Camera, position: Float, size: Float, surfaces: Sequence[Surface]) -> list[str]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import time
+
+import cv2
 import numpy as np
 import pytest
 
@@ -106,3 +109,29 @@ def test_images_without_the_board_say_so() -> None:
         Chessboard(3, 8, 40.0)
     with pytest.raises(InputError, match="no sightings"):
         target_statistics([])
+
+
+def test_a_board_that_is_cut_off_is_given_up_soon() -> None:
+    """Equalised noise on large fields makes thousands of quads: it took half a minute."""
+    rng = np.random.default_rng(4)
+    fields = np.indices((8, 9)).sum(axis=0) % 2
+    image = np.kron(20.0 + 200.0 * fields, np.ones((300, 300)))[200:2248, 100:2548]
+    noisy = np.rint(image + rng.normal(0.0, 2.0, image.shape)).astype(np.uint8)
+    before = time.process_time()
+    seen = find_chessboard(noisy, Chessboard(12, 9, 40.0))
+    assert seen.problem == "no board found"
+    assert time.process_time() - before < 10.0  # measured: 3 s
+
+
+def test_small_fields_of_a_large_noisy_picture_are_still_found(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """By the quad detector alone, which gets it smoothed."""
+    monkeypatch.setattr(cv2, "findChessboardCornersSB", lambda *_, **__: (False, None))
+    rng = np.random.default_rng(4)
+    fields = 30.0 + 190.0 * (np.indices((7, 8)).sum(axis=0) % 2)
+    image = np.full((1100, 1300), 220.0)
+    image[500:598, 600:712] = np.kron(fields, np.ones((14, 14)))
+    image = cv2.GaussianBlur(image, (0, 0), 0.6) + rng.normal(0.0, 4.0, image.shape)
+    noisy = np.clip(np.rint(image), 0, 255).astype(np.uint8)
+    assert len(find_chessboard(noisy, Chessboard(8, 7, 40.0))) == 42

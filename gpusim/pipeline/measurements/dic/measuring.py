@@ -18,7 +18,11 @@ from gpusim.pipeline.measurements.dic.rig import rig_of_file
 from gpusim.pipeline.measurements.dic.true_field import TrueField
 from gpusim.pipeline.measurements.kinds import Kind, Unloaded, register
 from gpusim.pipeline.measurements.material_points import TrueMotion
-from gpusim.pipeline.measurements.region_of_interest import RIM, region_of_interest
+from gpusim.pipeline.measurements.region_of_interest import (
+    RIM,
+    region_in_picture,
+    region_of_interest,
+)
 from gpusim.pipeline.measurements.sources import Sources
 from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.scene import Scene
@@ -30,6 +34,9 @@ COARSE = 8
 """Pixels of which one is looked at before there are pictures."""
 FEW_POINTS = 16
 """With room for less, it is seen before whether there are enough."""
+
+LITTLE = 0.5
+"""Share of a region in a picture, below which one is told."""
 
 
 def measure_dic(
@@ -119,7 +126,14 @@ def _checks(spec: m.DicTable, scene: Scene, unloaded: Unloaded) -> list[str]:
         roi = region_of_interest(what, spec.roi, motion, camera).shrunk(RIM)
         if spec.settings is None:
             _check_points(spec, points_within(what, roi.mask, spec))
-    return []
+    if spec.roi is not None and (spec.roi.polygon_px or spec.roi.polygon_mm):
+        return []  # drawn for these pictures
+    shares = {name: region_in_picture(spec.roi, motion, name) for name in spec.views}
+    return [
+        f"{what}: {share:.0%} of its region lies in the picture of camera {name!r}: take a shorter "
+        "focal_mm, or move the camera farther away"
+        for name, share in shares.items() if share < LITTLE
+    ]  # fmt: skip
 
 
 register(Kind(m.DicTable, FullFieldResult, measure_dic, _checks))
