@@ -81,7 +81,8 @@ class Inputs:
         return bool(self._records.get(name))
 
     def read(self, stage: str, name: str) -> InputFile:
-        """A file of a result, as it was when it was made. Raises InputError."""
+        """A file of a result, as it was when it was made. Raises InputError; KeyError for a stage
+        that wasn't named."""
         self._runner.go_on()
         return self._store.read(self._record(stage, name), name)
 
@@ -120,8 +121,9 @@ class Inputs:
                 self._scratch.parent.rmdir()
 
     def _record(self, stage: str, name: str) -> Record:
+        held = (stage, name) in self._holding or stage not in self._records
         expected = f"{name}; its log may have been changed: delete {self._store.root}"
-        require((stage, name) in self._holding, f"store: files of {stage}", "others", expected)
+        require(held, f"store: files of {stage}", "others", expected)
         return self._holding[stage, name]
 
     @cached_property

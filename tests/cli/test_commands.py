@@ -119,8 +119,8 @@ def test_plain_progress_json_and_quiet(
     pipeline.act = work
     out = tmp_path / "out"
     lines = cli("run", scene, "-o", out).stdout.splitlines()
-    assert [line.startswith("solve ") for line in lines].count(True) == 1
-    assert lines[0].endswith(" s  17 iterations [1e-7]")
+    assert [" s  solve " in line for line in lines].count(True) == 1
+    assert lines[0].endswith("  17 iterations [1e-7]")
     result = cli("run", scene, "-o", out, "--json")
     assert json.loads(result.stdout)["scene"] == "Tower crane"
     assert result.stderr == ""

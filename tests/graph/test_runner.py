@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from gpusim.errors import InputError
 from gpusim.graph import runner
 from gpusim.graph.runner import Runner, StageFailed
 from gpusim.graph.stage import every, first, same
@@ -192,7 +193,8 @@ def test_a_need_that_wasnt_named_is_an_error(tmp_path: Path, what: tuple[str, An
     stages = [stage("a", "value"), stage("b"), stage("c", rows=[1, 2])]
     greedy = stage("greedy", "greedy", what, parts={}, needs={"c": first})
     name, cause = fails(ToyRun([*stages, greedy], tmp_path))
-    assert name == "greedy" and isinstance(cause, KeyError)
+    # records of a stage that was named may have been exchanged in the log
+    assert name == "greedy" and isinstance(cause, InputError if what[1][0] == "c" else KeyError)
 
 
 def test_nothing_of_a_need_is_none(tmp_path: Path) -> None:

@@ -86,7 +86,7 @@ def everything() -> dict[str, Any]:
             {"name": "tip", "type": "deflection", "camera": "left", "groups": ["side"],
              "direction": "-z"},
             {"name": "field", "type": "dic", "camera": "left", "plane_pose": 0, "lens": "pinhole",
-             "roi": {"where": {"normal": "-y"}}, "subset_px": 21, "step_px": 15,
+             "roi": {"where": {"normal": "-y"}}, "subset_px": 15, "step_px": 4,
              "formats": ["csv", "h5"]},
             {"name": "extension", "type": "extensometer", "camera": "left", "width_px": 40.0,
              "ends_mm": [[40.0, 0.0, 5.0], [200.0, 0.0, 5.0]], "subset_px": 21},

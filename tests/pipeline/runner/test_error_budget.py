@@ -68,7 +68,7 @@ def test_a_lens_that_a_calibration_file_undoes_is_in_every_state(
     assert budget.row("none").errors[rms] < 0.3 * budget.row("all").errors[rms]
     told = [f"Distortion of camera {name!r} stays in every state" for name in ("left", "right")]
     assert [text.partition(":")[0] for text in budget.remarks] == told
-    print_budget(budget, tmp_path)
+    print_budget(report, tmp_path)
     assert told[0] in capsys.readouterr().out
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert told[1].replace("'", "&#39;") in page
