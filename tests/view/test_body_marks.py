@@ -7,22 +7,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gpusim.arrays.array_types import Bool
 from gpusim.view.screenshot import screenshot
 from gpusim.view.viewer import Viewer
 from gpusim.visualization.color_scale import value_text
 from gpusim.visualization.symbols import Symbols
 
 
+def changed_by(viewer: Viewer, key: str) -> Bool:
+    """Pixels (H, W) that a key changes, everything seen from the front."""
+    viewer.key("1")
+    viewer.key("Home")
+    before = screenshot(viewer)
+    viewer.key(key)
+    viewer.message = ""
+    return np.asarray((screenshot(viewer) != before).any(axis=2))
+
+
 @pytest.mark.parametrize("name", ["displacement_z", "element_von_mises"])
 def test_rings_lie_at_the_smallest_and_the_largest_value(run_viewer: Viewer, name: str) -> None:
     viewer = run_viewer
     viewer.show_field(name)
-    viewer.key("1")
-    viewer.key("Home")
-    before = screenshot(viewer)
-    viewer.key("x")
-    viewer.message = ""
-    changed = (screenshot(viewer) != before).any(axis=2)
+    changed = changed_by(viewer, "x")
     content = viewer.content
     assert content is not None and viewer.field_values is not None
     mesh, values = content.skins[0].mesh, viewer.field_values.values[0]
@@ -71,12 +77,7 @@ def test_the_undeformed_shape(run_viewer: Viewer) -> None:
     """Its lower edge at the free end is drawn where it was, also where the bar has left."""
     viewer = run_viewer
     viewer.deform(16.0)
-    viewer.key("1")
-    viewer.key("Home")
-    before = screenshot(viewer)
-    viewer.key("g")
-    viewer.message = ""
-    changed = (screenshot(viewer) != before).any(axis=2)
+    changed = changed_by(viewer, "g")
     camera, left, top = viewer.camera()
     edge = np.stack([np.linspace(0.2, 0.24, 40), np.zeros(40), np.full(40, 0.01)], axis=1)
     column, row = (np.floor(camera.project(edge) + 0.5 + [left, top]).astype(int)).T

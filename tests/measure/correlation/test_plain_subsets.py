@@ -26,11 +26,9 @@ def plate_before_a_wall(light: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     return before, after
 
 
-@pytest.mark.parametrize("light", [0.0, 0.2])
-def test_a_wall_is_without_texture_and_nothing_is_tried_there(
-    monkeypatch: pytest.MonkeyPatch, light: float
-) -> None:
-    before, after = plate_before_a_wall(light)
+@pytest.fixture
+def tried(monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
+    """Points (K, 2) px of each attempt to match some."""
     tried: list[np.ndarray] = []
     attempt = propagation.Front.attempt
 
@@ -39,6 +37,14 @@ def test_a_wall_is_without_texture_and_nothing_is_tried_there(
         attempt(self, which, *rest, **more)  # type: ignore[arg-type]
 
     monkeypatch.setattr(propagation.Front, "attempt", counted)
+    return tried
+
+
+@pytest.mark.parametrize("light", [0.0, 0.2])
+def test_a_wall_is_without_texture_and_nothing_is_tried_there(
+    tried: list[np.ndarray], light: float
+) -> None:
+    before, after = plate_before_a_wall(light)
     result = dic(before, after, subset=21, step=6, roi=ROI, backend="numpy")
     x = result.points[:, 0]
     wall, plate = x > 165, x < 135
@@ -50,18 +56,10 @@ def test_a_wall_is_without_texture_and_nothing_is_tried_there(
 
 
 def test_what_sees_the_plate_from_the_wall_is_told_before_it_is_tried(
-    monkeypatch: pytest.MonkeyPatch,
+    tried: list[np.ndarray],
 ) -> None:
     """Without that, they take most of the time, and some don't converge."""
     before, after = plate_before_a_wall()
-    tried: list[np.ndarray] = []
-    attempt = propagation.Front.attempt
-
-    def counted(self: propagation.Front, which: np.ndarray, *rest: object, **more: object) -> None:
-        tried.append(self.points[which])
-        attempt(self, which, *rest, **more)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(propagation.Front, "attempt", counted)
     settings = {"subset": 21, "step": 6, "roi": ROI, "backend": "numpy"}
     result, blind = (dic(before, after, apart_px=a, **settings) for a in (0.1, np.inf))
     x = result.points[:, 0]
@@ -100,18 +98,10 @@ def test_white_noise_of_the_known_strength_is_plain_and_patterns_are_not() -> No
     assert not plain(weak + noise).any()
 
 
-def test_what_is_masked_altogether_is_not_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_masked_altogether_is_not_tried(tried: list[np.ndarray]) -> None:
     before, after = plate_before_a_wall()
     mask = np.zeros(before.shape, dtype=bool)
     mask[:, :150] = True
-    tried: list[np.ndarray] = []
-    attempt = propagation.Front.attempt
-
-    def counted(self: propagation.Front, which: np.ndarray, *rest: object, **more: object) -> None:
-        tried.append(self.points[which])
-        attempt(self, which, *rest, **more)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(propagation.Front, "attempt", counted)
     result = dic(before, after, subset=21, step=6, roi=ROI, mask=mask, backend="numpy")
     x = result.points[:, 0]
     assert (result.status[x > 161] == Status.MASKED).all()
