@@ -20,7 +20,7 @@ from gpusim.fem.device.stiffness import DeviceProduct, DeviceStiffness
 from gpusim.fem.device.tet_forces import device_tets, upload_operator
 from gpusim.fem.krylov.cg import DeviceCG
 from gpusim.fem.krylov.multigrid_preconditioner import Multigrid
-from gpusim.fem.methods import _memory
+from gpusim.fem.linear.methods import _memory
 from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.multigrid.column_blocks import Columns
 from gpusim.fem.multigrid.hierarchy import Hierarchy, build_hierarchy

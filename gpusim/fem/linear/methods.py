@@ -24,9 +24,9 @@ from gpusim.fem.krylov.cg import DeviceCG, NumpyCG
 from gpusim.fem.krylov.error_estimates import Norm, RoundingError
 from gpusim.fem.krylov.multigrid_preconditioner import Multigrid
 from gpusim.fem.krylov.outer_iteration import Outcome, Progress, each_case, iterate
+from gpusim.fem.linear.solve_plan import Direct, Options, SolvePlan
 from gpusim.fem.model.model import Model
 from gpusim.fem.multigrid.hierarchy import build_hierarchy
-from gpusim.fem.solve_plan import Direct, Options, SolvePlan
 from gpusim.gpu import Device
 
 # of conjugate gradients with pressures; with more something is wrong
