@@ -32,10 +32,11 @@ from gpusim.fem.model.loads import (
 )
 from gpusim.fem.model.mass import lumped_mass, mass_matrix
 from gpusim.fem.model.material import Isotropic, Material, Orthotropic
-from gpusim.fem.model.model import Model, Solution
+from gpusim.fem.model.model import Model
+from gpusim.fem.model.solution import Solution
 from gpusim.fem.model.supports import symmetry
 from gpusim.fem.model.thermal_loads import thermal
-from gpusim.fem.procedures.linear_static import solve
+from gpusim.fem.procedures.statics import solve
 from gpusim.fem.recovery.stress import Stress, principal, stress, von_mises
 
 __all__ = [

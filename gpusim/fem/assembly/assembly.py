@@ -34,7 +34,7 @@ class Assembled:
     """A model's block rows, the elements they came from, and their lattice if there is one."""
 
     rows: BlockRows
-    groups: list[Elements]
+    groups: Sequence[Elements]
     lattice: Lattice | None
 
 
@@ -74,15 +74,28 @@ def assemble_groups(groups: Sequence[Elements], count: int) -> BlockRows:
         representative, row_class = edges.equal_rows()
     else:
         representative = row_class = np.arange(count, dtype=np.int64)
+    return _block_rows(edges, representative, row_class, classes)
+
+
+def rows_of(graph: NodeGraph) -> BlockRows:
+    """Block rows of a graph's elements as their matrices are now; no two rows are taken to be
+    equal."""
+    every = np.arange(graph.count, dtype=np.int64)
+    return _block_rows(graph, every, every, graph.count)
+
+
+def _block_rows(
+    edges: NodeGraph, representative: Long, row_class: Long, element_classes: int
+) -> BlockRows:
     degree = np.diff(edges.start)[representative]
     table_start = np.concatenate([[0], np.cumsum(degree)]).astype(np.int64)
-    table = edges.blocks(None if len(representative) == count else representative)
+    table = edges.blocks(None if len(representative) == edges.count else representative)
     diagonal = -row_sums(table_start, table)
     # the pattern alone: where blocks came from isn't asked again
     links = edges.links()
     return BlockRows(
         lambda: links, row_class.astype(np.int32), table, table_start,
-        0.5 * (diagonal + diagonal.transpose(0, 2, 1)), classes,
+        0.5 * (diagonal + diagonal.transpose(0, 2, 1)), element_classes,
     )  # fmt: skip
 
 

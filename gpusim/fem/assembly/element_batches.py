@@ -7,8 +7,9 @@ hundred thousand quadratic tetrahedra take a gigabyte, and each is wanted once o
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -34,7 +35,7 @@ _LOOK = 8
 class Group:
     """Elements of one cell type ``name``: ``cells`` (M,k) node numbers, ``matrix_of`` (M,) int64
     number of each element's matrix in ``matrices`` (C,3k,3k) float64, symmetric; ``form`` gives
-    these again."""
+    these again; ``numbers`` (M,) of the mesh's cells, where they are its."""
 
     def __init__(
         self,
@@ -43,8 +44,9 @@ class Group:
         matrix_of: Long,
         matrices: Float,
         form: Callable[[], Float] | None = None,
+        numbers: Long | None = None,
     ) -> None:
-        self.name, self.cells, self.matrix_of = name, cells, matrix_of
+        self.name, self.cells, self.matrix_of, self.numbers = name, cells, matrix_of, numbers
         self.distinct, self._form = len(matrices), form
         self._matrices: Float | None = matrices
 
@@ -76,11 +78,13 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class DistinctGroup:
-    """Elements no two of which are taken to be equal: ``cells`` (M,k), ``source`` of as many."""
+    """Elements no two of which are taken to be equal: ``cells`` (M,k), ``source`` of as many;
+    ``numbers`` (M,) of the mesh's cells, where they are its."""
 
     name: str
     cells: Int
     source: StraightTets | Integrated
+    numbers: Long | None = None
 
     @property
     def distinct(self) -> int:
@@ -95,7 +99,22 @@ class DistinctGroup:
         return self.source.blocks(which, diagonal)
 
 
-Elements = Group | DistinctGroup
+class Elements(Protocol):
+    """Elements of one cell type as assembly takes them."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def cells(self) -> Int: ...
+
+    @property
+    def distinct(self) -> int:
+        """How many matrices there are."""
+
+    def at(self, which: Long) -> Float: ...
+
+    def blocks(self, which: Long, diagonal: bool) -> tuple[Float, Float | None]: ...
 
 
 def pair_blocks(matrices: Float, diagonal: bool) -> tuple[Float, Float | None]:
@@ -135,25 +154,32 @@ class Integrated:
         return pair_blocks(self.at(which), diagonal)
 
 
-def model_groups(model: Model, formulation: Mapping[str, str]) -> list[Elements]:
-    """The elements of a model, one group or two per cell type."""
+def model_groups(
+    model: Model, formulation: Mapping[str, str], chosen: Bool | None = None
+) -> list[Group | DistinctGroup]:
+    """The elements of a model, one group or two per cell type; of its ``chosen`` (M,) cells."""
     elasticity = _elasticity(model)
     points = model.mesh.points
     assert model.material_of_cell is not None
-    groups: list[Elements] = []
+    groups: list[Group | DistinctGroup] = []
     for name, first, cells in model.mesh.blocks():
+        numbers = np.arange(first, first + len(cells))
+        if chosen is not None:
+            numbers = numbers[chosen[numbers]]
+            cells = cells[numbers - first]
         if len(cells) == 0:
             continue
-        material = model.material_of_cell[first : first + len(cells)]
+        material = model.material_of_cell[numbers]
         classes = _shared(points, cells, material)
         if classes is not None:
             representative, kind = classes
             rule = formulation[name]
             nodes, materials = points[cells[representative]], material[representative]
             form = partial(_matrices, name, nodes, elasticity, materials, rule)
-            groups.append(Group(name, cells, kind, form(), form))
+            groups.append(Group(name, cells, kind, form(), form, numbers))
             continue
-        groups += _distinct_groups(name, points, cells, elasticity, material, formulation[name])
+        parts = _distinct_groups(name, points, cells, elasticity, material, formulation[name])
+        groups += [replace(part, numbers=numbers[part.numbers]) for part in parts]
     return groups
 
 
@@ -200,12 +226,11 @@ def _distinct_groups(
     if straight.any():
         corners = cells[straight, :4]
         source = StraightTets(points, corners, elasticity, material[straight])
-        yield DistinctGroup(name, cells[straight], source)
+        yield DistinctGroup(name, cells[straight], source, order[straight])
     if not straight.all():
         curved, materials = cells[~straight], material[~straight]
-        yield DistinctGroup(
-            name, curved, Integrated(name, points, curved, elasticity, materials, rule)
-        )
+        integrated = Integrated(name, points, curved, elasticity, materials, rule)
+        yield DistinctGroup(name, curved, integrated, order[~straight])
 
 
 def _matrices(name: str, nodes: Float, elasticity: Float, material: Int, formulation: str) -> Float:

@@ -21,7 +21,8 @@ from scipy.sparse import csr_matrix
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.unique import mix, unique_hashes
 from gpusim.fem.assembly.element_batches import Elements, Group, repeating
-from gpusim.fem.model.model import Model, Solution
+from gpusim.fem.model.model import Model
+from gpusim.fem.model.solution import Solution
 from gpusim.fem.sparse.block_rows import ranges
 from gpusim.fem.sparse.matrix_product import add_rows, counting_sort, transpose_pattern
 from gpusim.mesh import Mesh
@@ -270,13 +271,16 @@ class Numbering:
         cells = {kind: self._place[block] for kind, block in mesh.cells.items()}
         assert model.fixed is not None and model.prescribed is not None
         assert model.forces is not None
+        points = mesh.points[self.order]
         return Model(
-            Mesh.trusted(mesh.points[self.order], cells),
+            Mesh.trusted(points, cells),
             model.materials,
             fixed=model.fixed[self.order],
             forces=model.forces[..., self.order, :],
             material_of_cell=model.material_of_cell,
             prescribed=model.prescribed[..., self.order, :],
+            loads=[load.renumbered(self._place, points) for load in model.loads],
+            temperature=None if model.temperature is None else model.temperature[:, self.order],
         )
 
     def forward(self, values: Float) -> Float:
@@ -285,10 +289,15 @@ class Numbering:
 
     def back(self, solution: Solution) -> Solution:
         """The solution in the model's own numbers."""
+        steps = [
+            replace(step, u=step.u[self._place], reactions=step.reactions[self._place])
+            for step in solution.steps
+        ]
         return replace(
             solution,
             u=solution.u[..., self._place, :],
             reactions=solution.reactions[..., self._place, :],
+            steps=tuple(steps),
         )
 
 

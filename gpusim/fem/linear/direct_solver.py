@@ -32,6 +32,9 @@ class DirectSolver:
         message = f"{outcome.message} ({self._direct.description}{self._note})"
         return replace(outcome, message=message, method="direct")
 
-    def update(self, assembled: Assembled, points: Float) -> None:
+    def update(self, assembled: Assembled, system: System, points: Float) -> None:
         """Factorise another matrix of the same pattern, in the same order."""
         self._factor = self._direct.build(assembled.rows)
+
+    def follow(self, assembled: Assembled, system: System) -> None:
+        """Refine with another matrix, that is near to the one factorised."""

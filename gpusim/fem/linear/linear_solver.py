@@ -32,8 +32,11 @@ class LinearSolver(Protocol):
     def solve(self, system: System, options: Options) -> Outcome:
         """Displacements under the loads of the system, to the error that is asked for."""
 
-    def update(self, assembled: Assembled, points: Float) -> None:
+    def update(self, assembled: Assembled, system: System, points: Float) -> None:
         """Take the values of another matrix, whose nodes are at ``points`` (N,3) by now."""
+
+    def follow(self, assembled: Assembled, system: System) -> None:
+        """Solve with another matrix that is near to the last one, by what was made of that."""
 
 
 def solve_system(

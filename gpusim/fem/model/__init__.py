@@ -3,7 +3,10 @@
 In the order in which data passes:
 
 - `material`: Materials: linear elasticity with thermal expansion.
-- `model`: The model: mesh, materials, supports, nodal loads and formulations; its solution.
+- `following_loads`: Loads that go with the deformed body: their forces, and what displacements
+  change of them.
+- `model`: The model: mesh, materials, supports, loads and formulations.
+- `solution`: The solution of a model: displacements, and how far they can be trusted.
 - `supports`: Supports: planes of symmetry, and which rigid-body motions supports leave free.
 - `loads`: Consistent nodal forces: each function returns (N,3) float64, to be added up freely.
 - `thermal_loads`: Forces of a temperature change, from the stress that it causes in cells held

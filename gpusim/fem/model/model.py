@@ -1,24 +1,21 @@
-"""The model: mesh, materials, supports, nodal loads and formulations; its solution."""
+"""The model: mesh, materials, supports, loads and formulations."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float, Int
-from gpusim.display import notebook_html, plotted
 from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS
+from gpusim.fem.model.following_loads import FollowerPressure
 from gpusim.fem.model.material import Material
 from gpusim.field_summary import field_summary
 from gpusim.mesh import Mesh
 from gpusim.validation import as_float64, require, require_one_of, unmasked
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 @unmasked()
@@ -38,6 +35,10 @@ class Model:
         None: zero. Non-zero elsewhere is an error, so that a forgotten ``fixed`` can't pass.
     forces : (N,3) or (L,N,3) float64 nodal forces, L load cases; None: zero. One (N,3) with L
         prescribed displacements counts in every load case.
+    loads : loads that go with the deformed body (`gpusim.fem.FollowerPressure`), each in a load
+        case; linear statics takes their forces on the undeformed one.
+    temperature : change of temperature at factor 1: one number, (N,) at the nodes, or (L,N);
+        None: none. Its free strain turns with the material; see `gpusim.fem.thermal`.
 
     Arrays are copied, checked and made read-only. Raises InputError.
 
@@ -56,6 +57,8 @@ class Model:
     forces: Float | None = None
     material_of_cell: Int | None = None
     prescribed: Float | None = None
+    loads: Sequence[FollowerPressure] = ()
+    temperature: Float | None = None
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
@@ -93,7 +96,11 @@ class Model:
             of_cell = _material_numbers(self.material_of_cell, cells, len(materials))
         _refuse_loaded_dangling(self.mesh, forces, fixed)
         object.__setattr__(self, "materials", materials)
+        loads = _following(self.loads, self.mesh, len(forces) if forces.ndim == 3 else 1)
+        object.__setattr__(self, "loads", loads)
         arrays = {"fixed": fixed, "forces": forces, "prescribed": prescribed}
+        if self.temperature is not None:
+            arrays["temperature"] = _temperature(self.temperature, forces.shape)
         for name, array in {**arrays, "material_of_cell": of_cell}.items():
             array.setflags(write=False)
             object.__setattr__(self, name, array)
@@ -187,6 +194,28 @@ def _material_numbers(value: Any, cells: int, count: int) -> Int:
     return np.array(numbers, dtype=np.int32)
 
 
+def _following(loads: Any, mesh: Mesh, cases: int) -> tuple[FollowerPressure, ...]:
+    following = (loads,) if isinstance(loads, FollowerPressure) else tuple(loads)
+    for number, one in enumerate(following):
+        where = f"Model.loads[{number}]"
+        known = isinstance(one, FollowerPressure)
+        require(known, where, type(one).__name__, "a FollowerPressure (dead ones are forces)")
+        require(one.faces.points.shape == mesh.points.shape, where, "faces of another mesh",
+                "faces of the model's")  # fmt: skip
+        require(0 <= one.case < cases, f"{where}.case", one.case, f"0 … {cases - 1}")
+    return following
+
+
+def _temperature(value: Any, forces: tuple[int, ...]) -> Float:
+    """(L,N), of the corners; see `linear_temperature`."""
+    cases, nodes = (forces[0] if len(forces) == 3 else 1), forces[-2]
+    given = _float("temperature", value)
+    shapes = ((), (nodes,), (cases, nodes))
+    expected = f"a number, ({nodes},) or ({cases}, {nodes})"
+    require(given.shape in shapes, "Model.temperature: wrong shape", given.shape, expected)
+    return np.array(np.broadcast_to(given, shapes[-1]))
+
+
 def _refuse_loaded_dangling(mesh: Mesh, forces: Float, fixed: Bool) -> None:
     nodes = mesh.dangling_nodes
     loads = forces if forces.ndim == 3 else forces[None]
@@ -227,89 +256,3 @@ def resolve_formulation(
         names = ELEMENTS[kind].formulations
         require_one_of(f"formulation: not available for {kind}", name, names)
     return {kind: wanted.get(kind, ELEMENTS[kind].formulations[0]) for kind in model.mesh.cells}
-
-
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """Displacements and how far they can be trusted; units are the model's.
-
-    u : (N,3) float64, or (L,N,3) where the model has several load cases.
-    converged : the estimate is at or below the tolerance asked for, in every load case.
-    error_estimate : estimated relative error of u (see ``krylov.error_estimates`` and
-    ``iterative_refinement``), the worst
-        load case; it is computed from the true float64 residual, not from the recursive one.
-    iterations : conjugate gradient iterations, refinements included; of the direct solver: solves.
-    residuals : (iterations,L) preconditioned residual norms sqrt(r.z) over the first one; of the
-        direct solver: corrections over the first one.
-    reactions : like u, the force that the supports exert; zero on free degrees of freedom. Their
-        relative error may be far larger than that of u where stiff parts are held by soft ones.
-    strain_energy, external_work : (L,), u.Ku/2 and (forces . u + reactions . u)/2; they agree
-        when the solve has converged.
-    unknowns : free degrees of freedom. message : why the solve ended. warnings : what a reader
-        should know (dangling nodes). timings : seconds per part. backend, real,
-        method, element_classes, row_classes : how it was computed. reasons : the solver's choices
-        and why, one a line. model : what was solved; None where nobody said it.
-
-    Examples
-    --------
-    >>> bar = gs.mesh.box(size=(1, 0.1, 0.1), divisions=(4, 1, 1))
-    >>> fixed = np.isclose(bar.points[:, :1], 0.0).repeat(3, axis=1)
-    >>> forces = gs.fem.face_force(bar, gs.mesh.select_faces(bar, name="x_max"), total=(1e4, 0, 0))
-    >>> solution = gs.solve(gs.Model(bar, [gs.Isotropic(210e9, 0.3)], fixed=fixed, forces=forces))
-    >>> solution.converged, solution.reactions.sum(axis=0).round(3) + 0.0
-    (True, array([-10000.,      0.,      0.]))
-    """
-
-    u: Float
-    converged: bool
-    error_estimate: float
-    iterations: int
-    residuals: Float
-    reactions: Float
-    strain_energy: Float
-    external_work: Float
-    unknowns: int
-    message: str
-    warnings: tuple[str, ...]
-    timings: dict[str, float]
-    backend: str
-    real: str
-    method: str
-    element_classes: int
-    row_classes: int
-    reasons: tuple[str, ...] = ()
-    model: Model | None = None
-
-    __repr__ = field_summary
-
-    def _repr_html_(self) -> str | None:
-        return notebook_html("solution", self)
-
-    def plot(
-        self,
-        ax: Axes | None = None,
-        *,
-        field: str = "von_mises",
-        case: int = 0,
-        scale: float | None = None,
-        unit: str = "m",
-        **style: Any,
-    ) -> Axes:
-        """Draw the deformed skin in the colours of a field, in matplotlib's 3D axes.
-
-        ``field``: "von_mises", "displacement" (its length), or "x", "y", "z" (its components).
-        ``case``: the load case. ``scale``: how many times the displacements are drawn; a round
-        number unless given. ``unit``: what labels call the model's unit of length ("m": stress in
-        Pa, "mm": in MPa). ``style``: ``cmap``, and what ``Poly3DCollection`` takes. Returns the
-        axes. Raises InputError for what there isn't.
-        """
-        return plotted(
-            "solution", self, ax, field=field, case=case, scale=scale, unit=unit, **style
-        )
-
-    @property
-    def energy_balance(self) -> float:
-        """Greatest relative difference of strain energy and external work over load cases."""
-        size = np.maximum(np.abs(self.strain_energy), np.abs(self.external_work))
-        difference = np.abs(self.strain_energy - self.external_work)
-        return float((difference / np.where(size > 0.0, size, 1.0)).max())

@@ -94,7 +94,7 @@ def _linear(group: Elements, free: Bool, number: Int) -> Group:
     for local, parents in enumerate(kind.parents, start=kind.corners):
         weight[local, list(parents)] = 1.0 / len(parents)
     spread: Float = np.asarray(np.kron(weight, np.eye(3)), dtype=np.float64)
-    if isinstance(group, DistinctGroup):
+    if not isinstance(group, Group):
         held = ~free[group.cells].reshape(-1, 3 * kind.nodes)
         of_cell = np.arange(len(group.cells))
 

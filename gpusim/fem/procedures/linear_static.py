@@ -2,110 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
-from numbers import Integral, Real
 
 import numpy as np
-import numpy.typing as npt
 
-from gpusim.arrays.array_types import Float
-from gpusim.fem.assembly.assembly import Assembled, assemble, model_lattice
-from gpusim.fem.assembly.node_graph import Numbering
+from gpusim.fem.assembly.assembly import Assembled, assemble
 from gpusim.fem.assembly.stiffness_rounding import extremes
 from gpusim.fem.assembly.system import System, make_system
 from gpusim.fem.krylov.outer_iteration import Outcome
+from gpusim.fem.lattice.lattice import Lattice
 from gpusim.fem.linear.linear_solver import solve_system
-from gpusim.fem.linear.solve_plan import METHODS, Clock, Options, SolvePlan, plan_solve
-from gpusim.fem.model.model import Model, Solution, resolve_formulation
-from gpusim.fem.model.supports import check_supports
+from gpusim.fem.linear.solve_plan import Clock, Options, SolvePlan, plan_solve
+from gpusim.fem.model.model import Model
+from gpusim.fem.model.solution import Solution
 from gpusim.fem.sparse.block_rows import BlockRows
-from gpusim.gpu import Device
-from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import finite_numbers, require, require_one_of, unmasked
 
 
-@unmasked()
-def solve(
-    model: Model,
-    device: Device | None = None,
-    *,
-    tolerance: float = 1e-6,
-    formulation: str | Mapping[str, str] | None = None,
-    backend: str = "auto",
-    method: str = "auto",
-    max_iterations: int | None = None,
-    start: npt.ArrayLike | None = None,
-    progress: Callable[[int, float], None] | None = None,
-) -> Solution:
-    """Displacements of a linear static model.
-
-    Long or small bodies are factorised on the host (``gpusim.fem.direct_solvers``) and refined with
-    float64 residuals. Everything else takes conjugate gradients in float64 (double-single where the
-    device has no 64-bit floats), preconditioned by multigrid, until the residual f - K u, formed in
-    float64 on the host, is small enough. Load cases share the set-up; a device iterates them at
-    once, the host side by side (on Linux, in copies of the process: ``gpusim.parallel.processes``).
-    Which way is cheaper is estimated from the mesh; ``Solution.method`` and ``message`` say it.
-
-    Parameters
-    ----------
-    model : see ``Model``.
-    device : None takes the process-wide one (none at all for ``backend="numpy"``).
-    tolerance : relative displacement error to reach, in (0, 1), as it is estimated in
-        ``gpusim.fem.krylov.error_estimates`` and ``fem.direct_solvers.iterative_refinement``.
-    formulation : integration or enrichment by name, for all cells or per type; see
-        ``gpusim.fem.elements.element``. The default is "incompatible" for hex8, "full" otherwise.
-    backend : where multigrid iterates: "gpu", "numpy" (the twins, on all processors of the host),
-        or "auto": "gpu" where ``device`` is given or the adapter isn't a software one.
-    method : "direct", "multigrid" (smoothed aggregation below geometric levels), or "auto": the
-        cheaper of the two; direct also where multigrid doesn't converge.
-    max_iterations : of conjugate gradients; None: 1000.
-    start : (N,3) or (L,N,3) displacements to begin from; a direct solver needs none.
-    progress : called with (iterations, estimated relative error), of this process's load cases.
-
-    Raises
-    ------
-    InputError
-        A wrong argument; supports that leave a rigid-body motion free (named).
-    NotConverged
-        Values that aren't finite, negative curvature, or a matrix that rounding made indefinite.
-        Running out of iterations or stagnating isn't raised: ``Solution.converged`` tells it.
-    OutOfDeviceMemory
-        The device can't hold the model; refused before anything is allocated there.
-
-    Examples
-    --------
-    >>> bar = gs.mesh.box(size=(1, 0.1, 0.1), divisions=(4, 1, 1))
-    >>> fixed = np.isclose(bar.points[:, :1], 0.0).repeat(3, axis=1)
-    >>> pull = gs.fem.traction(bar, gs.mesh.select_faces(bar, name="x_max"), (1e6, 0, 0))
-    >>> model = gs.Model(bar, gs.Isotropic(210e9, 0.0), fixed, pull)
-    >>> solution = gs.fem.solve(model, tolerance=1e-8)
-    >>> solution.method, bool(solution.error_estimate < 1e-8)
-    ('direct', True)
-    """
-    clock = Clock()
-    _check_arguments(model, device, tolerance, backend, max_iterations, method, progress)
-    # sums by several threads of BLAS aren't worth their waiting; the work is shared out above it
-    with one_blas_thread():
-        lattice = model_lattice(model)
-        check_supports(model, lattice)
-        formulations = resolve_formulation(model, formulation)
-        begin = _start(model, start)
-        numbering = None if lattice is not None else Numbering.of(model)
-        if numbering is not None:
-            model = numbering.renumbered(model)
-            begin = None if begin is None else numbering.forward(begin)
-        options = Options(method, device, backend, tolerance, max_iterations, begin, progress,
-                          formulations, clock)  # fmt: skip
-        clock.mark("check")
-        assembled = assemble(model, formulations, lattice)
-        clock.mark("assembly")
-        system = _system(model, assembled, formulations)
-        plan = plan_solve(model, assembled, system, options)
-        clock.mark("choice")
-        outcome = solve_system(plan, model, assembled, system, options)
-        solution = _solution(model, system, assembled.rows, outcome, plan, clock)
-        return solution if numbering is None else numbering.back(solution)
+def linear_static(model: Model, lattice: Lattice | None, options: Options) -> Solution:
+    """The solution of a model that is supported, on the ``lattice`` of its cells if it has one."""
+    clock = options.clock
+    assembled = assemble(model, options.formulation, lattice)
+    clock.mark("assembly")
+    system = _system(model, assembled, options.formulation)
+    plan = plan_solve(model, assembled, system, options)
+    clock.mark("choice")
+    outcome = solve_system(plan, model, assembled, system, options)
+    return _solution(model, system, assembled.rows, outcome, plan, clock)
 
 
 def _system(model: Model, assembled: Assembled, formulations: Mapping[str, str]) -> System:
@@ -114,39 +37,6 @@ def _system(model: Model, assembled: Assembled, formulations: Mapping[str, str])
         # hourglass modes may be left: as soft as can be, and not felt by the loads
         system = replace(system, contrast=np.inf)
     return system
-
-
-def _check_arguments(
-    model: Model,
-    device: Device | None,
-    tolerance: float,
-    backend: str,
-    max_iterations: int | None,
-    method: str,
-    progress: Callable[[int, float], None] | None,
-) -> None:
-    require(isinstance(model, Model), "solve: model", type(model).__name__, "a Model")
-    known = isinstance(device, Device | None)
-    require(known, "solve: device", repr(device), "a Device, or None")
-    share = isinstance(tolerance, Real) and 0.0 < tolerance < 1.0
-    require(share, "solve: tolerance", repr(tolerance), "a number in (0, 1)")
-    places = ("auto", "gpu", "numpy")
-    require(backend in places, "solve: backend", repr(backend), "'auto', 'gpu' or 'numpy'")
-    require_one_of("solve: method", method, METHODS)
-    whole = isinstance(max_iterations, Integral) and not isinstance(max_iterations, bool)
-    counted = max_iterations is None or (whole and max_iterations >= 1)
-    expected = "a whole number of at least 1"
-    require(counted, "solve: max_iterations", repr(max_iterations), expected)
-    told = progress is None or callable(progress)
-    require(told, "solve: progress", repr(progress), "a function, or None")
-
-
-def _start(model: Model, start: npt.ArrayLike | None) -> Float | None:
-    if start is None:
-        return None
-    shape = model.load_cases.shape
-    u = finite_numbers(start, "solve: start", (shape, shape[1:]), f"{shape} finite numbers")
-    return np.broadcast_to(u, shape)
 
 
 def _solution(

@@ -1,0 +1,176 @@
+"""Tangents solved in Newton's method: the solver of the first one is updated for all others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse.linalg import LinearOperator, minres
+
+from gpusim.arrays.array_types import Float
+from gpusim.errors import NotConverged
+from gpusim.fem.assembly.assembly import Assembled
+from gpusim.fem.assembly.equation import Equation, Tangent
+from gpusim.fem.assembly.system import System, finest_product, scaled_system
+from gpusim.fem.elements.element_response import Want
+from gpusim.fem.krylov.outer_iteration import Outcome
+from gpusim.fem.linear.direct_solver import DirectSolver
+from gpusim.fem.linear.multigrid_solver import MultigridSolver
+from gpusim.fem.linear.solve_plan import Options, SolvePlan, plan_solve
+
+_MOST_ITERATIONS = 600
+# share of the motion below which a step leaves factors and levels as they are
+_NEAR = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """``du`` (L,N,3), prescribed displacements included, after so many ``iterations``;
+    ``definite``: the tangent was positive definite."""
+
+    du: Float
+    iterations: int
+    definite: bool
+
+
+class TangentSolver:
+    """Of one ``equation``; which solver it is the first tangent decides, as in linear statics.
+
+    Factors or levels are made anew after steps that are more than a hundredth of the motion. Where
+    a tangent is indefinite the preconditioner is made of its material part, which isn't, and
+    minimum residuals take over from conjugate gradients (Paige & Saunders, SIAM J. Numer. Anal. 12
+    (1975) 617).
+    """
+
+    def __init__(self, equation: Equation, options: Options) -> None:
+        self._equation, self._options = (
+            equation,
+            replace(options, backend="numpy"),
+        )
+        self._solver: DirectSolver | MultigridSolver | None = None
+        # where the nodes were when the solver took its matrix; None: it was another one's
+        self._taken: Float | None = None
+        # the tangent that was found to be indefinite, and its material part
+        self._indefinite: Tangent | None = None
+        self._definite: System
+        self.plan: SolvePlan | None = None
+
+    def correction(
+        self, tangent: Tangent, forces: Float, given: Float, forcing: float
+    ) -> Correction:
+        """Solve K du = ``forces`` (L,N,3) to the relative error ``forcing``, with ``given`` (L,N,3)
+        displacements at the supports.
+
+        Raises NotConverged where that can't be had.
+        """
+        points = self._equation.model.mesh.points + tangent.u
+        assembled = tangent.assembled
+        system = scaled_system(assembled, points, self._equation.free, forces, given)
+        if not system.right.any():
+            return Correction(given.copy(), 0, True)
+        options = replace(self._options, tolerance=forcing, start=None, progress=None)
+        outcome = None
+        if self._taken is not None and _near(tangent.u, self._taken):
+            assert self._solver is not None
+            self._solver.follow(assembled, system)
+            outcome = _tried(self._solver, system, options)
+        if outcome is None and self._indefinite is not tangent:
+            self._taken = tangent.u
+            try:
+                outcome = _tried(self._updated(assembled, system, points), system, options)
+            except NotConverged:
+                outcome = None
+        if outcome is None:
+            return self._by_minimum_residual(tangent, system, forcing)
+        return Correction(outcome.u, outcome.iterations, True)
+
+    def _updated(
+        self, assembled: Assembled, system: System, points: Float
+    ) -> DirectSolver | MultigridSolver:
+        if self._solver is None:
+            model = self._equation.model
+            self.plan = plan_solve(model, assembled, system, self._options)
+            direct = self.plan.direct() if self.plan.attempts[0] == "direct" else None
+            if direct is not None:
+                self._solver = DirectSolver(direct)
+            else:
+                self._solver = MultigridSolver.prepare(self.plan, assembled, system, points)
+        else:
+            self._solver.update(assembled, system, points)
+        return self._solver
+
+    def _by_minimum_residual(self, tangent: Tangent, system: System, forcing: float) -> Correction:
+        points = self._equation.model.mesh.points + tangent.u
+        if self._indefinite is not tangent:
+            material = self._equation.linearised(tangent.u, tangent.factors, Want.MATERIAL)
+            self._definite = scaled_system(
+                material.assembled, points, system.free, system.loads, system.prescribed
+            )
+            self._updated(material.assembled, self._definite, points)
+            self._taken, self._indefinite = None, tangent
+        solver, unit = self._solver, self._definite.scale / system.scale
+        assert solver is not None
+        product, free = finest_product(tangent.assembled.rows, system), system.free.ravel()
+        steps, iterations = [], 0
+        for right in system.right.reshape(len(system.right), -1):
+            step, count = minimum_residual(
+                lambda v: np.where(free, product(v[None])[0], 0.0),
+                lambda r: solver.apply(r[None])[0] / unit,
+                right,
+                forcing,
+            )
+            steps.append(step)
+            iterations += count
+        size = (system.load_scale / system.scale)[:, None, None]
+        du = np.stack(steps).reshape(system.right.shape) * size
+        return Correction(np.where(system.free, du, system.prescribed), iterations, False)
+
+
+def _near(u: Float, taken: Float) -> bool:
+    """Whether displacements have changed by less than a hundredth of themselves."""
+    return float(np.abs(u - taken).max()) <= _NEAR * float(np.abs(u).max())
+
+
+def _tried(
+    solver: DirectSolver | MultigridSolver, system: System, options: Options
+) -> Outcome | None:
+    """The solution, or None where it isn't found."""
+    try:
+        outcome = solver.solve(system, options)
+    except NotConverged:
+        return None
+    return outcome if outcome.converged else None
+
+
+def minimum_residual(
+    apply: Callable[[Float], Float],
+    precondition: Callable[[Float], Float],
+    right: Float,
+    tolerance: float,
+) -> tuple[Float, int]:
+    """x (n,) with A x = ``right`` (n,) for a symmetric A of any sign, and the iterations taken.
+
+    Raises NotConverged.
+    """
+    iterations = 0
+
+    def count(_: Float) -> None:
+        nonlocal iterations
+        iterations += 1
+
+    shape = (len(right), len(right))
+    x, failed = minres(
+        LinearOperator(shape, apply, dtype=np.float64),
+        right,
+        M=LinearOperator(shape, precondition, dtype=np.float64),
+        rtol=tolerance,
+        maxiter=_MOST_ITERATIONS,
+        callback=count,
+    )
+    if failed or not np.isfinite(x).all():
+        raise NotConverged(
+            f"minimum residuals: got {iterations} iterations of an indefinite tangent; expected "
+            f"a relative residual of {tolerance:.1e} before"
+        )
+    return x, iterations

@@ -1,0 +1,110 @@
+"""Loads that go with the deformed body: their forces, and what displacements change of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gpusim.arrays.array_types import Float, Int, Long
+from gpusim.fem.elements.element import FACE_ELEMENTS, face_groups
+from gpusim.field_summary import field_summary
+from gpusim.mesh import Faces
+from gpusim.validation import require
+
+
+@dataclass(frozen=True, eq=False)
+class FollowerPressure:
+    """Pressure ``value`` (positive pushes into the body) that stays normal to the deformed
+    ``faces``, in load case ``case`` of a model; for ``Model(..., loads=[...])``.
+
+    Its stiffness counts as far as it is symmetric: all of it where the pressed faces are closed or
+    end at supports, so that the pressure has a potential (Schweizerhof & Ramm, Comput. Struct. 18
+    (1984) 1099). In linear statics it is the `gpusim.fem.pressure` of the undeformed faces.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(2, 1, 1), divisions=(2, 1, 1))
+    >>> load = gs.fem.FollowerPressure(gs.mesh.select_faces(bar, normal="+z"), 3.0)
+    >>> load.forces(bar.points).sum(axis=0).round(6) + 0.0
+    array([ 0.,  0., -6.])
+    """
+
+    faces: Faces
+    value: float
+    case: int = 0
+    __repr__ = field_summary
+
+    def __post_init__(self) -> None:
+        require(isinstance(self.faces, Faces), "FollowerPressure: faces", repr(self.faces), "Faces")
+        require(len(self.faces) > 0, "FollowerPressure: faces", "none", "at least one")
+        value = self.value
+        require(np.isfinite(value), "FollowerPressure: value", value, "a finite number")
+
+    def renumbered(self, place: Int, points: Float) -> FollowerPressure:
+        """On a mesh in which node i is number ``place[i]``, with nodes at ``points`` (N,3)."""
+        faces = self.faces
+        # a face without midside nodes has -1 there
+        nodes = np.append(place, place.dtype.type(-1))[faces.nodes]
+        return replace(self, faces=Faces(nodes, faces.cell, faces.local, points))
+
+    @property
+    def parts(self) -> list[PressedFaces]:
+        """The faces type by type."""
+        return [
+            PressedFaces(one.name, nodes, self.value) for one, _, nodes in face_groups(self.faces)
+        ]
+
+    def forces(self, points: Float) -> Float:
+        """(N,3) nodal forces at factor 1 where the nodes are at ``points`` (N,3)."""
+        total = np.zeros_like(points)
+        for part in self.parts:
+            np.add.at(total, part.cells, part.forces(points))
+        return total
+
+
+@dataclass(frozen=True, eq=False)
+class PressedFaces:
+    """Pressed faces of type ``name`` with nodes ``cells`` (K,n)."""
+
+    name: str
+    cells: Int
+    value: float
+
+    def forces(self, points: Float) -> Float:
+        """(K,n,3): minus the pressure times the integral of shape function x area vector."""
+        element = FACE_ELEMENTS[self.name]
+        tangent = self._tangents(points, np.arange(len(self.cells)))
+        normal = np.cross(tangent[..., 0], tangent[..., 1]) * element.weight[:, None]
+        return np.asarray(-self.value * np.matmul(element.shape.T, normal))
+
+    def stiffness(self, which: Long, points: Float) -> Float:
+        """(m,3n,3n): minus the derivative of the forces of some faces, its symmetric part.
+
+        With tangents x_1, x_2 a node's motion v changes the area vector by N_1 v x x_2 + N_2 x_1 x
+        v.
+        """
+        element = FACE_ELEMENTS[self.name]
+        tangent = self._tangents(points, which)
+        # (m,q,n,3,3): the change of the area vector by each node's motion
+        change = element.gradient[None, :, :, 1, None, None] * _cross(tangent[..., 0])[:, :, None]
+        change -= element.gradient[None, :, :, 0, None, None] * _cross(tangent[..., 1])[:, :, None]
+        share = element.shape * element.weight[:, None]
+        matrix = self.value * np.einsum("qa,mqbij->maibj", share, change, optimize=True)
+        width = 3 * self.cells.shape[1]
+        matrix = matrix.reshape(len(which), width, width)
+        return np.asarray(0.5 * (matrix + matrix.transpose(0, 2, 1)))
+
+    def _tangents(self, points: Float, which: Long) -> Float:
+        """(m,q,3,2) derivatives of position."""
+        corners = points[self.cells[which]]
+        corners = corners - corners[:, :1]
+        return np.asarray(np.einsum("fki,qkj->fqij", corners, FACE_ELEMENTS[self.name].gradient))
+
+
+def _cross(vector: Float) -> Float:
+    """(…,3,3) matrices of the product with vectors (…,3) from the left."""
+    matrix = np.zeros((*vector.shape, 3))
+    x, y, z = np.moveaxis(vector, -1, 0)
+    matrix[..., 0, 1], matrix[..., 0, 2], matrix[..., 1, 2] = -z, y, -x
+    return np.asarray(matrix - np.swapaxes(matrix, -1, -2))

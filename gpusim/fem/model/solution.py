@@ -1,0 +1,134 @@
+"""The solution of a model: displacements, and how far they can be trusted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gpusim.arrays.array_types import Float
+from gpusim.display import notebook_html, plotted
+from gpusim.fem.model.model import Model
+from gpusim.field_summary import field_summary
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One iteration: the greatest displacement of its ``step`` over the whole one, the ``residual``
+    over the forces that act, what the linear solver took, whether the tangent was ``definite``, and
+    the error that is left (estimated, relative to the greatest displacement)."""
+
+    step: float
+    residual: float
+    solver_iterations: int
+    definite: bool
+    error_estimate: float
+
+
+@dataclass(frozen=True, eq=False)
+class LoadStep:
+    """Equilibrium at ``factors`` (L,) of the load cases.
+
+    ``u`` (N,3); ``reactions`` (N,3) forces of the supports; ``iterations`` of Newton's method,
+    those of the ``substeps`` on the way included; ``error_estimate`` relative, of the greatest
+    displacement.
+    """
+
+    factors: Float
+    u: Float
+    reactions: Float
+    iterations: tuple[Iteration, ...]
+    error_estimate: float
+    substeps: int
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Displacements and how far they can be trusted; units are the model's.
+
+    u : (N,3) float64, or (L,N,3) where the model has several load cases.
+    converged : the estimate is at or below the tolerance asked for, in every load case.
+    error_estimate : estimated relative error of u (see ``krylov.error_estimates`` and
+    ``iterative_refinement``), the worst
+        load case; it is computed from the true float64 residual, not from the recursive one.
+    iterations : conjugate gradient iterations, refinements included; of the direct solver: solves.
+    residuals : (iterations,L) preconditioned residual norms sqrt(r.z) over the first one; of the
+        direct solver: corrections over the first one.
+    reactions : like u, the force that the supports exert; zero on free degrees of freedom. Their
+        relative error may be far larger than that of u where stiff parts are held by soft ones.
+    strain_energy, external_work : (L,), u.Ku/2 and (forces . u + reactions . u)/2; they agree
+        when the solve has converged.
+    unknowns : free degrees of freedom. message : why the solve ended. warnings : what a reader
+        should know (dangling nodes). timings : seconds per part. backend, real,
+        method, element_classes, row_classes : how it was computed. reasons : the solver's choices
+        and why, one a line. model : what was solved; None where nobody said it. steps : of a
+        nonlinear analysis, in their order; u and reactions are those of the last one.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(1, 0.1, 0.1), divisions=(4, 1, 1))
+    >>> fixed = np.isclose(bar.points[:, :1], 0.0).repeat(3, axis=1)
+    >>> forces = gs.fem.face_force(bar, gs.mesh.select_faces(bar, name="x_max"), total=(1e4, 0, 0))
+    >>> solution = gs.solve(gs.Model(bar, [gs.Isotropic(210e9, 0.3)], fixed=fixed, forces=forces))
+    >>> solution.converged, solution.reactions.sum(axis=0).round(3) + 0.0
+    (True, array([-10000.,      0.,      0.]))
+    """
+
+    u: Float
+    converged: bool
+    error_estimate: float
+    iterations: int
+    residuals: Float
+    reactions: Float
+    strain_energy: Float
+    external_work: Float
+    unknowns: int
+    message: str
+    warnings: tuple[str, ...]
+    timings: dict[str, float]
+    backend: str
+    real: str
+    method: str
+    element_classes: int
+    row_classes: int
+    reasons: tuple[str, ...] = ()
+    model: Model | None = None
+    steps: tuple[LoadStep, ...] = ()
+
+    __repr__ = field_summary
+
+    def _repr_html_(self) -> str | None:
+        return notebook_html("solution", self)
+
+    def plot(
+        self,
+        ax: Axes | None = None,
+        *,
+        field: str = "von_mises",
+        case: int = 0,
+        scale: float | None = None,
+        unit: str = "m",
+        **style: Any,
+    ) -> Axes:
+        """Draw the deformed skin in the colours of a field, in matplotlib's 3D axes.
+
+        ``field``: "von_mises", "displacement" (its length), or "x", "y", "z" (its components).
+        ``case``: the load case. ``scale``: how many times the displacements are drawn; a round
+        number unless given. ``unit``: what labels call the model's unit of length ("m": stress in
+        Pa, "mm": in MPa). ``style``: ``cmap``, and what ``Poly3DCollection`` takes. Returns the
+        axes. Raises InputError for what there isn't.
+        """
+        return plotted(
+            "solution", self, ax, field=field, case=case, scale=scale, unit=unit, **style
+        )
+
+    @property
+    def energy_balance(self) -> float:
+        """Greatest relative difference of strain energy and external work over load cases."""
+        size = np.maximum(np.abs(self.strain_energy), np.abs(self.external_work))
+        difference = np.abs(self.strain_energy - self.external_work)
+        return float((difference / np.where(size > 0.0, size, 1.0)).max())

@@ -1,0 +1,77 @@
+"""Nonlinear statics: equilibrium at large displacements, load step by load step."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gpusim.arrays.array_types import Float
+from gpusim.errors import NotConverged
+from gpusim.fem.assembly.element_responses import element_responses
+from gpusim.fem.assembly.equation import Equation
+from gpusim.fem.linear.solve_plan import Options
+from gpusim.fem.linear.tangent_solver import TangentSolver
+from gpusim.fem.model.model import Model
+from gpusim.fem.model.solution import LoadStep, Solution
+from gpusim.fem.procedures.load_steps import load_steps
+from gpusim.fem.procedures.newton import Controls
+
+# relative accuracy of linear solutions where all laws are elastic, and where points flow
+_FORCING, _PLASTIC_FORCING = 1e-4, 1e-2
+
+
+def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution:
+    """Equilibria at ``targets`` (K,L), the factors of the load cases.
+
+    Steps that were found before one that isn't stay part of the solution, which hasn't converged
+    then. Raises NotConverged where none was.
+    """
+    responses = element_responses(model, options.formulation)
+    equation = Equation(model, responses)
+    options.clock.mark("elements")
+    solver = TangentSolver(equation, options)
+    controls = Controls(options.tolerance, _FORCING, True, options.progress)
+    steps: list[LoadStep] = []
+    message = "converged"
+    try:
+        for step in load_steps(equation, solver, targets, controls):
+            steps.append(step)
+    except NotConverged as error:
+        if not steps:
+            raise
+        message = str(error)
+    options.clock.mark("load steps")
+    last, every = steps[-1], [one for step in steps for one in step.iterations]
+    work = _work(equation, steps)
+    reasons = () if solver.plan is None else solver.plan.lines
+    return Solution(
+        u=last.u,
+        converged=message == "converged",
+        error_estimate=max(step.error_estimate for step in steps),
+        iterations=sum(one.solver_iterations for one in every),
+        residuals=np.array([[one.residual] for one in last.iterations]),
+        reactions=last.reactions,
+        strain_energy=np.array([work]),
+        external_work=np.array([work]),
+        unknowns=int(equation.free.sum()),
+        message=message,
+        warnings=(),
+        timings=options.clock.timings,
+        method="newton",
+        backend="numpy",
+        real="f64",
+        element_classes=model.mesh.cell_count,
+        row_classes=model.mesh.node_count,
+        reasons=reasons,
+        model=model,
+        steps=tuple(steps),
+    )
+
+
+def _work(equation: Equation, steps: list[LoadStep]) -> float:
+    """Of loads and supports along the path from step to step (trapezoidal rule)."""
+    total, u, forces = 0.0, np.zeros_like(steps[0].u), np.zeros_like(steps[0].u)
+    for step in steps:
+        acting = equation.external(step.u, step.factors) + step.reactions
+        total += 0.5 * float(np.vdot(acting + forces, step.u - u))
+        u, forces = step.u, acting
+    return total
