@@ -1,0 +1,198 @@
+"""The incompatible hexahedron at finite strain: its modes transposed behind the motion of the centre.
+
+F = F_u + F_0 sum_c h_c (x) a_c with the modes' gradients h_c of the linear element (Taylor, Beresford &
+Wilson 1976) and F_0 at the cell's centre (Glaser & Armero, Eng. Comput. 14 (1997) 759). The linear
+element where motion is small; and pressure softens no mode, as it does with F_u + sum_c a_c (x) h_c,
+which buckles at a strain of 1/a^2 where cells are a times as long as thick.
+
+Modes are eliminated from the tangent and move with each global step. Solving for them inside each
+element is far less robust.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gpusim.arrays.array_types import Float, Long
+from gpusim.errors import NotConverged
+from gpusim.fem.elements.element import ELEMENTS, mode_gradient
+from gpusim.fem.elements.element_response import ElementBlock, Internal, Want, centre_slope
+from gpusim.fem.elements.finite_strain import (
+    IDENTITY,
+    add_geometric,
+    material_part,
+    node_rows,
+    point_matrices,
+    point_rows,
+    point_sums,
+    stiffness_of,
+    strain_rows,
+    tensor,
+)
+from gpusim.fem.elements.isoparametric_map import determinant, inverse, times
+from gpusim.fem.elements.total_lagrangian import PointMotion, TotalLagrangian
+
+
+@dataclass(frozen=True, eq=False)
+class ModeMotion(PointMotion):
+    """With what the modes add.
+
+    mode_slope : (3,3,m,Q) H with F = F_u + F_0 H. ``mode_gradients`` (3,3,m,Q) of the modes, [k,c];
+        ``moved`` F_0 times these.
+    centre_gradient : (m,k,3) of the nodes at the centre, at rest.
+    """
+
+    mode_slope: Float
+    mode_gradients: Float
+    moved: Float
+    centre_gradient: Float
+
+
+class EnhancedModes(TotalLagrangian):
+    """hex8 "incompatible"; an `ElementResponse`.
+
+    Keeps 72 bytes an element for the modes and 1,800 for their elimination, beside what
+    `TotalLagrangian` keeps.
+    """
+
+    def __init__(self, block: ElementBlock) -> None:
+        super().__init__(block)
+        count, width = len(block.cells), 3 * block.cells.shape[1]
+        self._modes = np.zeros((count, 9))
+        # by a unit motion of each unknown, and by the modes' own forces
+        self._elimination = np.zeros((count, 9, width + 1))
+
+    def response(self, which: Long, u: Float, want: Want) -> tuple[Float, Float | None]:
+        """See `ElementResponse`. Forces that come with the material part are those left after
+        condensation with it."""
+        motion = self._motion(which, u)
+        geometry, count = motion.geometry, len(which)
+        update = self._update(which, motion.strain, True)
+        assert update.moduli is not None
+        stress = None
+        if want is not Want.MATERIAL:
+            stress = self._foretold.instead_of(update.stress, which)
+        rows = strain_rows(motion.gradient, geometry.back)
+        inner, mixed = self._mode_moduli(motion, rows, update.moduli, stress)
+        shapes = self._moved_shapes(motion)
+        nodes = node_rows(shapes)
+        outer = np.matmul(nodes, mixed.reshape(count, -1, 27))
+        if stress is not None:
+            outer += self._turning(motion, stress)
+        outer = outer.reshape(count, -1, 9)
+        solved = self._solved(inner, outer, self._mode_forces(motion, update.stress))
+        flux = self._flux(motion, motion.gradient, update.stress)
+        forces = np.matmul(nodes, flux.reshape(count, -1, 3)).reshape(count, -1)
+        forces -= np.matmul(outer, solved[..., -1:])[..., 0]
+        if stress is not None:
+            self._elimination[which] = solved
+        if want is Want.FORCES:
+            return forces, None
+        moduli = material_part(rows, update.moduli, geometry.volume)
+        if stress is not None:
+            add_geometric(moduli, self._flux(motion, geometry.back, stress))
+        return forces, stiffness_of(moduli, shapes) - np.matmul(outer, solved[..., :-1])
+
+    def advance(self, which: Long, u: Float, du: Float, foretell: bool) -> None:
+        """See `ElementResponse`."""
+        super().advance(which, u, du, foretell)
+        self._modes[which] += self._mode_change(which, self.block.relative(du, which))
+
+    def snapshot(self) -> Internal:
+        """See `ElementResponse`."""
+        return replace(super().snapshot(), modes=self._modes.copy())
+
+    def restore(self, internal: Internal) -> None:
+        """See `ElementResponse`."""
+        super().restore(internal)
+        assert internal.modes is not None
+        self._modes = internal.modes.copy()
+
+    def _motion(self, which: Long, u: Float) -> ModeMotion:
+        geometry, block = self._geometry(which), self.block
+        centre = ELEMENTS[self.name].centre_gradient
+        jacobian = centre_slope(block.relative(block.points, which), centre)
+        det = determinant(jacobian)
+        back = inverse(jacobian, det)
+        gradient = np.matmul(centre, back.transpose(2, 0, 1))
+        nodal = block.relative(u, which)
+        of_centre = IDENTITY + centre_slope(nodal, gradient)[..., None]
+        amplitude = mode_gradient(self.rule)[:, range(3), range(3)].T[None, :, None]
+        modes = back.swapaxes(0, 1)[..., None] * amplitude * (det[:, None] / geometry.det)
+        mode_slope = times(modes, _by_component(self._modes[which]))
+        slope = self._slope(geometry, nodal) + times(of_centre, mode_slope)
+        plain = self._moved(geometry, slope)
+        return ModeMotion(
+            geometry, slope, plain.gradient, plain.strain,
+            mode_slope, modes, times(of_centre, modes), gradient,
+        )  # fmt: skip
+
+    def _moved_shapes(self, motion: ModeMotion) -> Float:
+        """(m,Q,3,k) slopes by motion of the nodes, which moves F_0 too."""
+        turned = times(motion.mode_slope, motion.geometry.jacobian).swapaxes(0, 1)
+        by_centre = motion.centre_gradient.swapaxes(1, 2)[:, None]
+        return self.shapes + np.matmul(point_matrices(turned), by_centre)
+
+    def _mode_forces(self, motion: ModeMotion, stress: Float) -> Float:
+        """(m,9) of the modes, [J,c]."""
+        piola = times(motion.gradient, tensor(stress) * motion.geometry.volume)
+        return times(piola.swapaxes(0, 1), motion.moved).sum(axis=3).reshape(9, -1).T
+
+    def _mode_moduli(
+        self, motion: ModeMotion, rows: Float, moduli: Float, stress: Float | None
+    ) -> tuple[Float, Float]:
+        """Second derivatives of energy by the modes (m,9,9), and by slopes and modes (m,Q,9,9),
+        [J,i] and [L,c]. Without ``stress``: the material part alone."""
+        volume = motion.geometry.volume
+        count = len(volume)
+        pulled = times(motion.gradient.swapaxes(0, 1), motion.moved)
+        mode_rows = point_rows(strain_rows(pulled.swapaxes(0, 1), IDENTITY))
+        by_modes = np.matmul(moduli, mode_rows) * volume[..., None, None]
+        flat = mode_rows.reshape(count, -1, 9)
+        inner = np.matmul(flat.swapaxes(1, 2), by_modes.reshape(count, -1, 9))
+        mixed = np.matmul(point_rows(rows).swapaxes(2, 3), by_modes)
+        if stress is not None:
+            metric = times(motion.moved.swapaxes(0, 1), motion.moved)
+            sums = point_sums(tensor(stress) * volume, metric)
+            inner += sums.transpose(0, 1, 3, 2, 4).reshape(inner.shape)
+            across = self._flux(motion, IDENTITY, stress)[:, :, :, None, :, None]
+            moved = point_matrices(motion.moved)[:, :, None, :, None, :]
+            mixed += (across * moved).reshape(mixed.shape)
+        return inner, mixed
+
+    def _turning(self, motion: ModeMotion, stress: Float) -> Float:
+        """(m,k,27), [a,(i,L,c)]: what stress does because motion of the nodes turns the modes."""
+        piola = times(motion.gradient, tensor(stress) * motion.geometry.volume)
+        sums = point_sums(piola, motion.mode_gradients).transpose(0, 3, 1, 2, 4)
+        return np.matmul(motion.centre_gradient, sums.reshape(-1, 3, 27))
+
+    def _solved(self, inner: Float, outer: Float, forces: Float) -> Float:
+        """(m,9,3k+1) motion of the modes, with the sign changed, by unit motions of the nodes and,
+        last, by the modes' own forces."""
+        right = np.concatenate([outer.swapaxes(1, 2), forces[..., None]], axis=2)
+        try:
+            return np.linalg.solve(inner, right)
+        except np.linalg.LinAlgError:
+            raise NotConverged(
+                f"{self.name}: internal modes of a cell have lost their stiffness; got a singular "
+                "matrix; expected smaller steps"
+            ) from None
+
+    def _mode_change(self, which: Long, step: Float) -> Float:
+        """(m,9) by a step (m,k,3) of the nodes."""
+        solved = self._elimination[which]
+        by_nodes = np.matmul(solved[..., :-1], step.reshape(len(step), -1, 1))[..., 0]
+        return -solved[..., -1] - by_nodes
+
+    def _slope_change(self, which: Long, motion: PointMotion, step: Float) -> Float:
+        assert isinstance(motion, ModeMotion)
+        turning = centre_slope(step, motion.centre_gradient)[..., None]
+        change = super()._slope_change(which, motion, step) + times(turning, motion.mode_slope)
+        return change + times(motion.moved, _by_component(self._mode_change(which, step)))
+
+
+def _by_component(modes: Float) -> Float:
+    """(3,3,m,1), [c,J], of modes (m,9)."""
+    return modes.reshape(-1, 3, 3).transpose(2, 1, 0)[..., None]
