@@ -21,6 +21,7 @@ In the order in which data passes:
 from __future__ import annotations
 
 from gpusim.fem.linear.solve_plan import METHODS
+from gpusim.fem.model.following_loads import FollowerPressure
 from gpusim.fem.model.loads import (
     body_force,
     centrifugal,
@@ -33,7 +34,7 @@ from gpusim.fem.model.loads import (
 from gpusim.fem.model.mass import lumped_mass, mass_matrix
 from gpusim.fem.model.material import Isotropic, Material, Orthotropic
 from gpusim.fem.model.model import Model
-from gpusim.fem.model.solution import Solution
+from gpusim.fem.model.solution import LoadStep, Solution
 from gpusim.fem.model.supports import symmetry
 from gpusim.fem.model.thermal_loads import thermal
 from gpusim.fem.procedures.statics import solve
@@ -41,7 +42,9 @@ from gpusim.fem.recovery.stress import Stress, principal, stress, von_mises
 
 __all__ = [
     "METHODS",
+    "FollowerPressure",
     "Isotropic",
+    "LoadStep",
     "Material",
     "Model",
     "Orthotropic",

@@ -145,9 +145,7 @@ class Corotational:
         nodes = block.relative(block.points, which)
         strained = frame.strained.reshape(nodes.shape)
         moduli, free = block.law.stiffness(), block.free(which)
-        stress, volume = point_stress(
-            self.name, block.formulation, nodes, strained, moduli, free
-        )
+        stress, volume = point_stress(self.name, block.formulation, nodes, strained, moduli, free)
         jacobian = reference_gradient(nodes, block.rule)
         slope = reference_gradient(strained, block.rule)
         slope = times(slope, inverse(jacobian, determinant(jacobian)))
@@ -221,7 +219,9 @@ def _balanced(frame: CellFrame, force: Float) -> tuple[Float, Float]:
     moment = np.matmul(force[:, None], _skew(frame.position))
     couple = np.matmul(frame.resistance, -moment.swapaxes(1, 2))[..., 0]
     # G_a x n
-    return by_node + np.matmul(_skew(frame.gradient), couple[..., None]).reshape(by_node.shape), couple
+    return by_node + np.matmul(_skew(frame.gradient), couple[..., None]).reshape(
+        by_node.shape
+    ), couple
 
 
 def _geometric(frame: CellFrame, force: Float, by_spin: Float) -> tuple[Float, Float]:

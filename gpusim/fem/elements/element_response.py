@@ -54,7 +54,9 @@ class ElementBlock:
     def __post_init__(self) -> None:
         rule, centre = self.rule, ELEMENTS[self.name].centre_gradient
         for start in range(0, len(self.cells), _CHUNK):
-            nodes = self.relative(self.points, np.arange(start, min(start + _CHUNK, len(self.cells))))
+            nodes = self.relative(
+                self.points, np.arange(start, min(start + _CHUNK, len(self.cells)))
+            )
             det = determinant(reference_gradient(nodes, rule))
             det0 = determinant(centre_slope(nodes, centre))
             good = (np.concatenate([det, det0[:, None]], axis=1) > 0.0).all(axis=1)

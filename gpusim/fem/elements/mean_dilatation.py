@@ -65,7 +65,9 @@ class MeanDilatation(TotalLagrangian):
         rows = strain_rows(motion.gradient, motion.geometry.back) * motion.stretch
         rows -= by_mean.transpose(2, 0, 1)[:, None, None] * motion.spatial
         moduli = material_part(rows, update.moduli, motion.geometry.volume)
-        stress = np.matmul(update.moduli, by_mean[..., None]) * motion.geometry.volume[..., None, None]
+        stress = (
+            np.matmul(update.moduli, by_mean[..., None]) * motion.geometry.volume[..., None, None]
+        )
         mixed = np.matmul(point_rows(rows).swapaxes(2, 3), stress).reshape(spatial.shape)
         twice = (by_mean[..., None] * stress).sum(axis=(1, 2, 3))
         if want is Want.TANGENT:

@@ -8,4 +8,6 @@ In the order in which data passes:
 - `multigrid_preconditioner`: Its preconditioner: a multigrid V-cycle over a hierarchy of levels.
 - `outer_iteration`: The outer loop: runs of conjugate gradients inside a float64 refinement, load
   case by load case.
+- `minimum_residual`: Minimum residuals for symmetric matrices of any sign, with a definite
+  preconditioner.
 """

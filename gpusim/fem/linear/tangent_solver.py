@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse.linalg import LinearOperator, minres
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
@@ -14,12 +12,12 @@ from gpusim.fem.assembly.assembly import Assembled
 from gpusim.fem.assembly.equation import Equation, Tangent
 from gpusim.fem.assembly.system import System, finest_product, scaled_system
 from gpusim.fem.elements.element_response import Want
+from gpusim.fem.krylov.minimum_residual import minimum_residual
 from gpusim.fem.krylov.outer_iteration import Outcome
 from gpusim.fem.linear.direct_solver import DirectSolver
 from gpusim.fem.linear.multigrid_solver import MultigridSolver
 from gpusim.fem.linear.solve_plan import Options, SolvePlan, plan_solve
 
-_MOST_ITERATIONS = 600
 # share of the motion below which a step leaves factors and levels as they are
 _NEAR = 0.01
 
@@ -141,36 +139,3 @@ def _tried(
     except NotConverged:
         return None
     return outcome if outcome.converged else None
-
-
-def minimum_residual(
-    apply: Callable[[Float], Float],
-    precondition: Callable[[Float], Float],
-    right: Float,
-    tolerance: float,
-) -> tuple[Float, int]:
-    """x (n,) with A x = ``right`` (n,) for a symmetric A of any sign, and the iterations taken.
-
-    Raises NotConverged.
-    """
-    iterations = 0
-
-    def count(_: Float) -> None:
-        nonlocal iterations
-        iterations += 1
-
-    shape = (len(right), len(right))
-    x, failed = minres(
-        LinearOperator(shape, apply, dtype=np.float64),
-        right,
-        M=LinearOperator(shape, precondition, dtype=np.float64),
-        rtol=tolerance,
-        maxiter=_MOST_ITERATIONS,
-        callback=count,
-    )
-    if failed or not np.isfinite(x).all():
-        raise NotConverged(
-            f"minimum residuals: got {iterations} iterations of an indefinite tangent; expected "
-            f"a relative residual of {tolerance:.1e} before"
-        )
-    return x, iterations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -54,6 +54,8 @@ class Isotropic:
     (6, 6)
     """
 
+    finite_strain: ClassVar[bool] = False
+    state_size: ClassVar[int] = 0
     E: float
     nu: float
     density: float = 0.0
@@ -113,6 +115,8 @@ class Orthotropic:
     (1.0, 0.0, 0.0)
     """
 
+    finite_strain: ClassVar[bool] = False
+    state_size: ClassVar[int] = 0
     E: Triple
     nu: Triple
     G: Triple

@@ -35,7 +35,7 @@ class LoadStep:
 
     ``u`` (N,3); ``reactions`` (N,3) forces of the supports; ``iterations`` of Newton's method,
     those of the ``substeps`` on the way included; ``error_estimate`` relative, of the greatest
-    displacement.
+    displacement; ``wanted``: asked for, and not a point on the way past a limit point.
     """
 
     factors: Float
@@ -44,6 +44,8 @@ class LoadStep:
     iterations: tuple[Iteration, ...]
     error_estimate: float
     substeps: int
+    wanted: bool
+    __repr__ = field_summary
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,8 +4,9 @@ In the order in which data passes:
 
 - `linear_static`: Linear statics: K u = f to a stated displacement error.
 - `newton`: Newton's method for one load step.
+- `arc_length`: Arc length: the path of equilibria past limit points, where load factors turn back.
 - `load_steps`: Load steps: one equilibrium after another, with smaller steps where Newton's method
-  fails.
+  fails, and by arc length past limit points.
 - `nonlinear_static`: Nonlinear statics: equilibrium at large displacements, load step by load step.
 - `statics`: Statics: displacements of a model, by linear theory or at large displacements.
 """

@@ -1,8 +1,10 @@
-"""Load steps: one equilibrium after another, with smaller steps where Newton's method fails."""
+"""Load steps: one equilibrium after another, with smaller steps where Newton's method fails, and by
+arc length past limit points."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,45 +13,97 @@ from gpusim.errors import NotConverged
 from gpusim.fem.assembly.equation import Equation
 from gpusim.fem.linear.tangent_solver import TangentSolver
 from gpusim.fem.model.solution import Iteration, LoadStep
+from gpusim.fem.procedures.arc_length import LoadPath, PathPoint, follow_path
 from gpusim.fem.procedures.newton import Controls, equilibrium
 
 # share of a step below which no cut-back is tried
-_LEAST_SHARE = 1.0 / 256.0
+_LEAST_SHARE = 1.0 / 64.0
+
+
+@dataclass(eq=False)
+class _Stepping:
+    """Where a load path has been followed to: ``u`` (N,3) at the share ``done`` of it, in so many
+    ``substeps``, the last of which moved by ``length`` (2-norm)."""
+
+    path: LoadPath
+    u: Float
+    done: float = 0.0
+    substeps: int = 0
+    length: float = 0.0
+    iterations: list[Iteration] = field(default_factory=list)
+
+    def move(self, share: float, u: Float, iterations: tuple[Iteration, ...]) -> None:
+        self.length = float(np.linalg.norm(u - self.u))
+        self.u, self.done, self.substeps = u, share, self.substeps + 1
+        self.iterations += iterations
 
 
 def load_steps(
     equation: Equation, solver: TangentSolver, targets: Float, controls: Controls
 ) -> Iterator[LoadStep]:
-    """Equilibria at ``targets`` (K,L), each from the one before.
+    """Equilibria at ``targets`` (K,L), each from the one before, and those on the way that were
+    found by arc length.
 
-    A step in which Newton's method fails is halved until it is found, and doubled again after two
-    that were. Raises NotConverged where steps become too small: what has been yielded stays right.
+    Raises NotConverged where none is found: what has been yielded stays right.
     """
-    u = np.zeros_like(equation.model.mesh.points)
-    begin = np.zeros(targets.shape[1])
+    u, begin = np.zeros_like(equation.model.mesh.points), np.zeros(targets.shape[1])
     for number, target in enumerate(targets, start=1):
-        done, share, substeps, in_a_row = 0.0, 1.0, 0, 0
-        iterations: list[Iteration] = []
-        while done < 1.0:
-            share = min(share, 1.0 - done)
-            factors = target if done + share >= 1.0 else begin + (done + share) * (target - begin)
-            try:
-                found = equilibrium(equation, solver, u, factors, controls)
-            except NotConverged as error:
-                in_a_row, share = 0, 0.5 * share
-                if share < _LEAST_SHARE:
-                    raise NotConverged(
-                        f"load step {number} of {len(targets)}, at {done:.3g} of it: {error}"
-                    ) from None
-                continue
-            u = found.u
-            equation.commit(u)
-            iterations += found.iterations
-            done, substeps, in_a_row = done + share, substeps + 1, in_a_row + 1
-            if in_a_row >= 2:
-                share, in_a_row = 2.0 * share, 0
-        internal = equation.internal(u)
-        held = ~equation.free
-        reactions = np.where(held, internal - equation.external(u, target), 0.0)
-        yield LoadStep(target, u, reactions, tuple(iterations), found.error_estimate, substeps)
-        begin = target
+        stepping = _Stepping(LoadPath(begin, target), u)
+        try:
+            _by_halving(equation, solver, stepping, controls)
+        except NotConverged as error:
+            where = f"load step {number} of {len(targets)}, at {stepping.done:.3g} of it"
+            if equation.prescribed(target - begin).any() or not stepping.substeps:
+                raise NotConverged(f"{where}: {error}") from None
+            for point in _by_arc_length(equation, solver, stepping, controls):
+                yield _step(equation, stepping, stepping.path.factors(point.s), wanted=False)
+        yield _step(equation, stepping, target, wanted=True)
+        u, begin = stepping.u, target
+
+
+def _by_halving(
+    equation: Equation, solver: TangentSolver, stepping: _Stepping, controls: Controls
+) -> None:
+    """To the end of the path: a step in which Newton's method fails is halved until it is found,
+    and doubled again after two that were."""
+    share, in_a_row = 1.0, 0
+    while stepping.done < 1.0:
+        share = min(share, 1.0 - stepping.done)
+        end = stepping.done + share
+        try:
+            factors = stepping.path.factors(end)
+            found = equilibrium(equation, solver, stepping.u, factors, controls)
+        except NotConverged:
+            share, in_a_row = 0.5 * share, 0
+            if share < _LEAST_SHARE:
+                raise
+            continue
+        equation.commit(found.u)
+        stepping.move(end, found.u, found.iterations)
+        in_a_row += 1
+        if in_a_row == 2:
+            share, in_a_row = 2.0 * share, 0
+
+
+def _by_arc_length(
+    equation: Equation, solver: TangentSolver, stepping: _Stepping, controls: Controls
+) -> Iterator[PathPoint]:
+    """The same past limit points: until the path crosses its end, where Newton's method goes on."""
+    path, start = stepping.path, PathPoint(stepping.done, stepping.u, ())
+    for point in follow_path(equation, solver, path, start, stepping.length, controls):
+        stepping.move(point.s, point.u, point.iterations)
+        if point.s >= 1.0:
+            found = equilibrium(equation, solver, point.u, path.target, controls)
+            equation.commit(found.u)
+            stepping.move(1.0, found.u, found.iterations)
+            return
+        yield point
+
+
+def _step(equation: Equation, stepping: _Stepping, factors: Float, wanted: bool) -> LoadStep:
+    u, done = stepping.u, stepping.iterations
+    held = ~equation.free
+    reactions = np.where(held, equation.internal(u) - equation.external(u, factors), 0.0)
+    return LoadStep(
+        factors, u, reactions, tuple(done), done[-1].error_estimate, stepping.substeps, wanted
+    )
