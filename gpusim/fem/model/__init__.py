@@ -1,8 +1,7 @@
-"""The model: material, supports, loads, and the solution.
+"""The model: supports, loads, and the solution.
 
 In the order in which data passes:
 
-- `material`: Materials: linear elasticity with thermal expansion.
 - `model`: The model: mesh, materials, supports, nodal loads and formulations; its solution.
 - `supports`: Supports: planes of symmetry, and which rigid-body motions supports leave free.
 - `loads`: Consistent nodal forces: each function returns (N,3) float64, to be added up freely.
