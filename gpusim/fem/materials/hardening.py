@@ -75,11 +75,11 @@ def flow_curve(yield_stress: float, hardening: Hardening) -> FlowCurve:
         return PiecewiseLinearCurve(np.zeros(1), np.array([yield_stress]), slope)
     expected = "a number, a Voce or pairs of plastic strain and yield stress"
     count = len(hardening) if isinstance(hardening, Sequence | np.ndarray) else 0
-    strain, stress = finite_numbers(hardening, "J2: hardening", [(count, 2)], expected).T
-    what = "J2: hardening: the first pair"
-    starts = len(strain) > 0 and strain[0] == 0.0 and stress[0] == yield_stress
-    got = (float(strain[0]), float(stress[0])) if len(strain) else "none"
-    require(starts, what, got, f"(0.0, {yield_stress!r}), the yield stress")
+    shape = (max(count, 1), 2)
+    strain, stress = finite_numbers(hardening, "J2: hardening", [shape], expected).T
+    first = float(strain[0]), float(stress[0])
+    expected = f"(0.0, {yield_stress!r}), the yield stress"
+    require(first == (0.0, yield_stress), "J2: hardening: the first pair", first, expected)
     for name, steps, rises in (
         ("plastic strains", np.diff(strain), np.diff(strain) > 0.0),
         ("yield stresses", np.diff(stress), np.diff(stress) >= 0.0),

@@ -104,7 +104,7 @@ class J2:
         if matrices is not None and len(flowing):
             matrices = np.broadcast_to(matrices, (points, 6, 6)).copy()
             direction = deviator[:, flowing] / norm[flowing]
-            matrices[flowing] -= self._softening(direction, share[flowing], slope)
+            matrices[flowing] = self._consistent_moduli(direction, share[flowing], slope)
         state = new.T.reshape(*strain.shape[:-1], 7)
         return Update(*logarithmic.pulled_back(stress, matrices), state)
 
@@ -119,13 +119,16 @@ class J2:
         p[flowing] = start + increment
         return flowing, share, self._curve.stress_and_slope(p[flowing])[1]
 
-    def _softening(self, direction: Float, share: Float, slope: Float) -> Float:
-        """(F,6,6) by which flow lowers the moduli, for unit deviators (6,F) it goes along."""
+    def _consistent_moduli(self, direction: Float, share: Float, slope: Float) -> Float:
+        """(F,6,6) derivative of the mapped stress; ``direction`` (6,F) unit deviators, of which
+        ``share`` (F,) became plastic, to a yield stress that rises with ``slope`` (F,)."""
         shear = self.elastic.shear
         along = 1.0 / (1.0 + slope / (3.0 * shear)) - share
         deviatoric = np.diag(1.0 / ENGINEERING)
         deviatoric[:3, :3] -= 1.0 / 3.0
-        products = (2.0 * shear * along) * direction[:, None] * direction
-        lowered = products.reshape(36, -1).T.reshape(-1, 6, 6).copy()
-        lowered += (2.0 * shear * share)[:, None, None] * deviatoric
-        return lowered
+        # one product with a constant matrix adds up and puts the components last
+        terms = np.empty((37, len(share)))
+        np.multiply(along * direction[:, None], direction, out=terms[:36].reshape(6, 6, -1))
+        terms[36] = share
+        lowered = terms.T @ np.vstack([np.eye(36), deviatoric.ravel()])
+        return self.stiffness() - 2.0 * shear * lowered.reshape(-1, 6, 6)

@@ -36,6 +36,7 @@ from gpusim.fem.materials.symmetric_tensors import (
 )
 
 _FLATTEST = 1e-3  # eigenvalue of C over the mean of its three
+_FAR = 0.5  # below, the exact eigenvalue is worth its arc cosine
 _DIGITS = 37.0  # -ln of what is left of the error: 1e-16
 _POWERS = np.arange(3)[:, None] + np.arange(5)
 """(3,5) of t that R sends two tensors of its basis to: their numbers' sum."""
@@ -131,12 +132,15 @@ def _node_count(second: Float, third: Float) -> int:
     """Nodes with which Gauss' rule is exact to rounding, from the invariants of X.
 
     Padé's error falls by ((1 - sqrt y) / (1 + sqrt y))^2 a node, with y the smallest eigenvalue
-    of 1 + X. Two bounds of it: the largest eigenvalue that a tensor without trace of that norm
-    can have, and the product of all three, whose mean is 1.
+    of 1 + X, at least 1 - 2 radius; exactly (Smith 1961) where that says too little.
     """
-    by_norm = 1.0 - np.sqrt(np.maximum(-4.0 / 3.0 * second, 0.0))
-    by_volume = (1.0 + second + third) / 2.25
-    flattest = float(np.maximum(by_norm, by_volume).min(initial=1.0))
+    radius = np.sqrt(np.maximum(-second / 3.0, 0.0))
+    flattest = 1.0 - 2.0 * float(radius.max(initial=0.0))
+    if flattest < _FAR:
+        far = radius > 0.5 * (1.0 - _FAR)
+        radius, third = radius[far], third[far]
+        angle = np.arccos(np.clip(0.5 * third / radius**3, -1.0, 1.0)) + 2.0 * np.pi
+        flattest = min(_FAR, float((1.0 + 2.0 * radius * np.cos(angle / 3.0)).min()))
     if flattest < _FLATTEST:
         raise NotConverged(
             "law: a cell is pressed flat; got a smallest eigenvalue of C down to "
