@@ -10,6 +10,7 @@ from gpusim.fem.elements.element_response import ElementBlock, ElementResponse
 from gpusim.fem.elements.enhanced_modes import EnhancedModes
 from gpusim.fem.elements.mean_dilatation import MeanDilatation
 from gpusim.fem.elements.total_lagrangian import TotalLagrangian
+from gpusim.fem.materials.law import Law
 from gpusim.fem.model.model import Model
 
 # formulations with an answer of their own at finite strain
@@ -24,7 +25,7 @@ def element_responses(model: Model, formulation: Mapping[str, str]) -> list[Elem
     responses: list[ElementResponse] = []
     for number, law in enumerate(model.materials):
         chosen = model.material_of_cell == number
-        if not law.finite_strain:
+        if not (isinstance(law, Law) and law.finite_strain):
             for group in model_groups(model, formulation, chosen):
                 rule = formulation[group.name]
                 block = ElementBlock(group.name, rule, points, group.cells, law)

@@ -26,7 +26,6 @@ from gpusim.fem.elements.element_response import (
     require_upright,
 )
 from gpusim.fem.elements.finite_strain import (
-    components,
     largest_principal_strain,
     pushed_forward,
     strain_change,

@@ -19,7 +19,6 @@ from gpusim.fem.elements.element import ELEMENTS, Rule
 from gpusim.fem.elements.isoparametric_map import determinant, reference_gradient
 from gpusim.fem.materials.law import Law
 
-
 # elements that are checked at a time
 _CHUNK = 4096
 

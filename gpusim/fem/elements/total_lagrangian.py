@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gpusim.arrays.array_types import Float, Int, Long
+from gpusim.arrays.array_types import Float, Long
 from gpusim.fem.elements.element_response import (
     ElementBlock,
     ForetoldStress,

@@ -10,6 +10,7 @@ from gpusim.fem.assembly.element_responses import element_responses
 from gpusim.fem.assembly.equation import Equation
 from gpusim.fem.linear.solve_plan import Options
 from gpusim.fem.linear.tangent_solver import TangentSolver
+from gpusim.fem.materials.law import Law
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.solution import LoadStep, Solution
 from gpusim.fem.procedures.load_steps import load_steps
@@ -29,7 +30,9 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
     equation = Equation(model, responses)
     options.clock.mark("elements")
     solver = TangentSolver(equation, options)
-    controls = Controls(options.tolerance, _FORCING, True, options.progress)
+    history = any(isinstance(law, Law) and law.state_size for law in model.materials)
+    forcing = _PLASTIC_FORCING if history else _FORCING
+    controls = Controls(options.tolerance, forcing, not history, options.progress)
     steps: list[LoadStep] = []
     message = "converged"
     try:

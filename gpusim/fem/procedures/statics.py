@@ -12,6 +12,7 @@ from gpusim.arrays.array_types import Float
 from gpusim.fem.assembly.assembly import model_lattice
 from gpusim.fem.assembly.node_graph import Numbering
 from gpusim.fem.linear.solve_plan import METHODS, Clock, Options
+from gpusim.fem.materials.law import Law
 from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.model.solution import Solution
 from gpusim.fem.model.supports import check_supports
@@ -88,6 +89,8 @@ def solve(
     _check_arguments(model, device, tolerance, backend, max_iterations, method, progress)
     require_one_of("solve: geometry", geometry, GEOMETRIES)
     linear = geometry == "linear"
+    if linear:
+        _refuse_finite_strain(model)
     # sums by several threads of BLAS aren't worth their waiting; the work is shared out above it
     with one_blas_thread():
         lattice = model_lattice(model)
@@ -132,6 +135,13 @@ def _check_arguments(
     require(counted, "solve: max_iterations", repr(max_iterations), expected)
     told = progress is None or callable(progress)
     require(told, "solve: progress", repr(progress), "a function, or None")
+
+
+def _refuse_finite_strain(model: Model) -> None:
+    for number, law in enumerate(model.materials):
+        finite = isinstance(law, Law) and law.finite_strain
+        expected = "a linear elastic one, or geometry='nonlinear'"
+        require(not finite, f"solve: materials[{number}] by linear theory", repr(law), expected)
 
 
 def _start(model: Model, start: npt.ArrayLike | None) -> Float | None:
