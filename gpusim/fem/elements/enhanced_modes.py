@@ -1,9 +1,9 @@
-"""The incompatible hexahedron at finite strain: its modes transposed behind the motion of the centre.
+"""The incompatible hexahedron at finite strain: its modes transposed behind the centre's motion.
 
-F = F_u + F_0 sum_c h_c (x) a_c with the modes' gradients h_c of the linear element (Taylor, Beresford &
-Wilson 1976) and F_0 at the cell's centre (Glaser & Armero, Eng. Comput. 14 (1997) 759). The linear
-element where motion is small; and pressure softens no mode, as it does with F_u + sum_c a_c (x) h_c,
-which buckles at a strain of 1/a^2 where cells are a times as long as thick.
+F = F_u + F_0 sum_c h_c (x) a_c with the modes' gradients h_c of the linear element (Taylor,
+Beresford & Wilson 1976) and F_0 at the cell's centre (Glaser & Armero, Eng. Comput. 14 (1997)
+759). It is the linear element where motion is small, and pressure softens no mode. (With F_u + sum_c a_c (x) h_c
+it does: cells a times as long as thick buckle at a strain of 1/a^2.)
 
 Modes are eliminated from the tangent and move with each global step. Solving for them inside each
 element is far less robust.
@@ -61,7 +61,7 @@ class EnhancedModes(TotalLagrangian):
         super().__init__(block)
         count, width = len(block.cells), 3 * block.cells.shape[1]
         self._modes = np.zeros((count, 9))
-        # motion of the modes, with the sign changed, by their own forces and by unit motions of nodes
+        # motion of modes, with the sign changed, by their own forces and by unit motions of nodes
         self._elimination = np.zeros((count, 9, width + 1))
 
     def response(self, which: Long, u: Float, want: Want) -> tuple[Float, Float | None]:
@@ -134,16 +134,15 @@ class EnhancedModes(TotalLagrangian):
         """(m,Q,3,k) slopes by motion of the nodes, which moves F_0 too."""
         turned = times(motion.mode_slope, motion.geometry.jacobian).swapaxes(0, 1)
         by_centre = motion.centre_gradient.swapaxes(1, 2)[:, None]
-        return self.shapes + np.matmul(point_matrices(turned), by_centre)
+        return np.asarray(self.shapes + np.matmul(point_matrices(turned), by_centre))
 
     def _mode_forces(self, motion: ModeMotion, stress: Float) -> Float:
         """(m,9) of the modes, [J,c]."""
         piola = times(motion.gradient, tensor(stress) * motion.geometry.volume)
-        return times(piola.swapaxes(0, 1), motion.moved).sum(axis=3).reshape(9, -1).T
+        total: Float = times(piola.swapaxes(0, 1), motion.moved).sum(axis=3)
+        return total.reshape(9, -1).T
 
-    def _mode_moduli(
-        self, motion: ModeMotion, rows: Float, moduli: Float
-    ) -> tuple[Float, Float]:
+    def _mode_moduli(self, motion: ModeMotion, rows: Float, moduli: Float) -> tuple[Float, Float]:
         """Second derivatives of energy by the modes (m,9,9), and by slopes and modes (m,3Q,27),
         [J] and [i,L,c]: the material part."""
         volume = motion.geometry.volume
@@ -173,12 +172,14 @@ class EnhancedModes(TotalLagrangian):
         turned = point_sums(times(motion.gradient, weighted), motion.mode_gradients)
         turned = turned.transpose(0, 3, 1, 2, 4).reshape(count, 3, 27)
         turning = np.matmul(motion.centre_gradient, turned)
-        return inner.reshape(count, 9, 9), turning.reshape(count, -1, 9) + outer.reshape(count, -1, 9)
+        return inner.reshape(count, 9, 9), turning.reshape(count, -1, 9) + outer.reshape(
+            count, -1, 9
+        )
 
     def _solved(self, inner: Float, right: Float) -> Float:
         """The modes' motion, with the sign changed, by the columns of ``right``."""
         try:
-            return np.linalg.solve(inner, right)
+            return np.asarray(np.linalg.solve(inner, right))
         except np.linalg.LinAlgError:
             raise NotConverged(
                 f"{self.name}: the internal modes of a cell have lost their stiffness; got a "
@@ -189,7 +190,7 @@ class EnhancedModes(TotalLagrangian):
         """(m,9) by a step (m,k,3) of the nodes."""
         solved = self._elimination[which]
         by_nodes = np.matmul(solved[..., 1:], step.reshape(len(step), -1, 1))[..., 0]
-        return -solved[..., 0] - by_nodes
+        return np.asarray(-solved[..., 0] - by_nodes)
 
     def _slope_change(self, which: Long, motion: PointMotion, step: Float) -> Float:
         assert isinstance(motion, ModeMotion)

@@ -98,7 +98,7 @@ def material_part(rows: Float, moduli: Float, volume: Float) -> Float:
     stress = np.matmul(moduli, point_rows(rows.swapaxes(1, 2)))
     stress *= volume[..., None, None]
     second = np.matmul(point_rows(rows).swapaxes(2, 3), stress)
-    return second.reshape(*volume.shape, 3, 3, 3, 3)
+    return np.asarray(second.reshape(*volume.shape, 3, 3, 3, 3))
 
 
 def add_geometric(moduli: Float, flux: Float) -> None:
@@ -111,7 +111,7 @@ def point_sums(left: Float, right: Float) -> Float:
     """(M,a,b,c,d) sum over points of left (a,b,M,Q) times right (c,d,M,Q)."""
     first = left.reshape(9, *left.shape[2:]).transpose(1, 0, 2)
     second = right.reshape(9, *right.shape[2:]).transpose(1, 2, 0)
-    return np.matmul(first, second).reshape(-1, 3, 3, 3, 3)
+    return np.asarray(np.matmul(first, second).reshape(-1, 3, 3, 3, 3))
 
 
 def node_rows(gradient: Float) -> Float:
@@ -156,4 +156,4 @@ def largest_principal_strain(strain: Float) -> Float:
     ends = [mean + 2.0 * size * np.cos(angle + turn) for turn in (0.0, 2.0 * np.pi / 3.0)]
     # 1 + 2 E is a square: below zero by rounding alone
     biot = [2.0 * e / (1.0 + np.sqrt(np.maximum(1.0 + 2.0 * e, 0.0))) for e in ends]
-    return np.abs(biot).max(axis=(0, 2))
+    return np.asarray(np.abs(biot).max(axis=(0, 2)))

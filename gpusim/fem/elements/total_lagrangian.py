@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gpusim.arrays.array_types import Float, Int, Long
+from gpusim.arrays.array_types import Float, Long
 from gpusim.fem.elements.element_response import (
     ElementBlock,
     ForetoldStress,
@@ -82,6 +82,7 @@ class TotalLagrangian:
         size = block.law.state_size
         self._state = np.zeros((count, points, size)) if size else None
         self._trial = None if self._state is None else self._state.copy()
+        self._free_strain = block.free_strain
 
     def response(self, which: Long, u: Float, want: Want) -> tuple[Float, Float | None]:
         """See `ElementResponse`."""
@@ -135,6 +136,10 @@ class TotalLagrangian:
         self._state = self._trial
         self._trial = None if self._state is None else self._state.copy()
 
+    def set_free_strain(self, free_strain: Float | None) -> None:
+        """See `ElementResponse`."""
+        self._free_strain = free_strain
+
     def strain_extent(self, which: Long, u: Float) -> Float:
         """See `ElementResponse`."""
         return largest_principal_strain(self._motion(which, u).strain)
@@ -168,10 +173,10 @@ class TotalLagrangian:
         return self._slope(motion.geometry, step)
 
     def _law(self, which: Long, strain: Float, moduli: bool) -> Update:
-        free = self.block.free(which)
-        elastic = strain if free is None else strain - free
+        if self._free_strain is not None:
+            strain = strain - self._free_strain[which]
         state = None if self._state is None else self._state[which]
-        return self.law.update(elastic, state, moduli=moduli)
+        return self.law.update(strain, state, moduli=moduli)
 
     def _update(self, which: Long, strain: Float, moduli: bool) -> Update:
         update = self._law(which, strain, moduli)
