@@ -56,8 +56,8 @@ def element_stiffness(
     formulation : one of ``ELEMENTS[kind].formulations``, None: the first. "incompatible" (hex8:
         nine internal modes, Taylor, Beresford & Wilson, IJNME 10 (1976) 1211, gradients with the
         Jacobian at the centre scaled by detJ0/detJ so that the patch test holds on distorted
-        elements), "full", "reduced", "exact" (see ``gpusim.fem.elements.element``), "bbar" (hex8:
-        mean dilatation, Hughes, IJNME 15 (1980) 1413).
+        elements), "full", "reduced", "exact" (see ``gpusim.fem.elements.element``), "bbar" (hex8,
+        tet10: mean dilatation, Hughes, IJNME 15 (1980) 1413).
 
     Returns (M,3k,3k) float64, exactly symmetric. Raises InputError for an unknown formulation, or
     elements inverted at a quadrature point.
