@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gpusim.arrays.array_types import Float, Int, Long
-from gpusim.fem.assembly.assembly import Assembled, rows_of
-from gpusim.fem.assembly.element_batches import pair_blocks
+from gpusim.fem.assembly.assembly import Assembled
+from gpusim.fem.assembly.element_batches import Elements, pair_blocks
 from gpusim.fem.assembly.element_responses import free_strain
 from gpusim.fem.assembly.node_graph import NodeGraph
 from gpusim.fem.elements.element_response import ElementResponse, Internal, Want
@@ -102,9 +102,9 @@ class Equation:
         self._pressed = [
             (load.case, PressedElements(part, zero)) for load in model.loads for part in load.parts
         ]
-        pressed = [one for _, one in self._pressed]
         self._warmed = np.full(len(model.load_cases), np.nan)
-        self._graph = NodeGraph([*self._elements, *pressed], count)
+        self._filling: list[Elements] = [*self._elements, *(faces for _, faces in self._pressed)]
+        self._graph = NodeGraph(self._filling, count)
 
     def _warm(self, factors: Float) -> None:
         """Temperatures of the points at ``factors`` (L,)."""
@@ -148,7 +148,7 @@ class Equation:
             elements.u, elements.want = u, want
         for case, faces in self._pressed:
             faces.points, faces.factor = self.model.mesh.points + u, float(factors[case])
-        rows = rows_of(self._graph)
+        rows = self._graph.fill(self._filling)
         residual = self.external(u, factors)
         for elements in self._elements:
             forces = elements.forces.reshape(*elements.cells.shape, 3)
