@@ -156,7 +156,7 @@ def test_consistent_moduli_at_equal_stretches(hardening: Hardening) -> None:
 
 
 def test_unloading_is_elastic() -> None:
-    """Back by a little: state unchanged to the bit, moduli of elasticity, and so again and again."""
+    """Back by a little: the state is the same to the bit, moduli are those of elasticity."""
     law = gs.J2(STEEL, YIELD, 2e3)
     strain, _ = flowed(law, 0.02)
     state = law.update(strain, np.zeros((12, 7)), moduli=False).state
@@ -207,7 +207,9 @@ def test_points_flow_each_for_itself() -> None:
 def test_wrong_arguments_are_refused() -> None:
     with pytest.raises(gs.InputError, match="J2: elastic; got NeoHookean; expected an Isotropic"):
         gs.J2(gs.NeoHookean(E, NU), YIELD)  # type: ignore[arg-type]
-    with pytest.raises(gs.InputError, match="J2: yield_stress out of range; got 0.0; expected a n"):
+    with pytest.raises(
+        gs.InputError, match=r"J2: yield_stress out of range; got 0.0; expected a n"
+    ):
         gs.J2(STEEL, 0.0)
     with pytest.raises(gs.InputError, match="J2: yield_stress; got '250'; expected a number > 0"):
         gs.J2(STEEL, "250")  # type: ignore[arg-type]
