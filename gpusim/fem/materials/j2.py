@@ -14,7 +14,7 @@ from gpusim.fem.materials.hardening import FlowCurve, Hardening, Voce, flow_curv
 from gpusim.fem.materials.isotropic import Isotropic
 from gpusim.fem.materials.law import Update
 from gpusim.fem.materials.logarithmic_strain import LogarithmicStrain
-from gpusim.fem.materials.symmetric_tensors import ENGINEERING
+from gpusim.fem.materials.symmetric_tensors import ENGINEERING, components_last
 from gpusim.validation import is_number, require, unmasked
 
 _ON_SURFACE = 1e-11  # over the yield stress: a state that rounding has put above it
@@ -106,8 +106,8 @@ class J2:
             matrices = np.broadcast_to(matrices, (points, 6, 6)).copy()
             direction = deviator[:, flowing] / norm[flowing]
             matrices[flowing] = self._consistent_moduli(direction, share[flowing], slope)
-        state = new.T.reshape(*strain.shape[:-1], 7)
-        return Update(*logarithmic.pulled_back(stress, matrices), state)
+        pulled_back = logarithmic.pulled_back(stress, matrices)
+        return Update(*pulled_back, components_last(new, strain.shape[:-1]))
 
     def _return_mapping(self, trial: Float, p: Float) -> tuple[Long, Float, Float]:
         """Which points flow (F,); the share (P,) of the trial deviator that becomes plastic, and
