@@ -15,10 +15,10 @@ from gpusim.fem.assembly.node_graph import Numbering
 from gpusim.fem.assembly.stiffness_rounding import extremes
 from gpusim.fem.assembly.system import System, make_system
 from gpusim.fem.krylov.outer_iteration import Outcome
-from gpusim.fem.methods import solve_system
+from gpusim.fem.linear.linear_solver import solve_system
+from gpusim.fem.linear.solve_plan import METHODS, Clock, Options, SolvePlan, plan_solve
 from gpusim.fem.model.model import Model, Solution, resolve_formulation
 from gpusim.fem.model.supports import check_supports
-from gpusim.fem.solve_plan import METHODS, Clock, Options, SolvePlan, plan_solve
 from gpusim.fem.sparse.block_rows import BlockRows
 from gpusim.gpu import Device
 from gpusim.parallel.blas_threads import one_blas_thread
