@@ -164,8 +164,11 @@ def test_unloading_is_elastic() -> None:
     np.testing.assert_array_equal(back.state, state)
     check_moduli(law, 0.995 * strain, state, 1e-5, 1e-9)
     # where it stopped it is on the yield surface: asked again, it doesn't flow by rounding
-    again = law.update(strain, state, moduli=False)
+    again = law.update(strain, state, moduli=True)
     np.testing.assert_array_equal(again.state, state)
+    stronger = gs.J2(STEEL, 1e6 * YIELD).update(strain, state, moduli=True)
+    assert again.moduli is not None and stronger.moduli is not None
+    np.testing.assert_allclose(again.moduli, stronger.moduli, rtol=0, atol=1e-12 * E)
 
 
 def test_below_the_yield_stress_it_is_hencky() -> None:
