@@ -137,7 +137,7 @@ class Equation:
             def forces(which: Long, response: ElementResponse = one) -> Float:
                 return response.response(which, u, Want.FORCES)[0]
 
-            parts = shared(forces, _portions(one.cells))
+            parts = shared(forces, portions(one.cells))
             add_to(total, one.cells, np.concatenate(parts).reshape(*one.cells.shape, 3))
         return total
 
@@ -162,7 +162,7 @@ class Equation:
             def move(which: Long, response: ElementResponse = one) -> None:
                 response.advance(which, u, du, foretell)
 
-            shared(move, _portions(one.cells))
+            shared(move, portions(one.cells))
 
     def forget_foretold(self) -> None:
         """Tangents take stresses of the state itself from now on."""
@@ -184,6 +184,7 @@ class Equation:
             one.commit(u)
 
 
-def _portions(cells: Int) -> list[Long]:
+def portions(cells: Int) -> list[Long]:
+    """Numbers of elements, some at a time."""
     every = np.arange(len(cells))
     return [every[first : first + _PORTION] for first in range(0, len(cells), _PORTION)]
