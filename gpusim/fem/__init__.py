@@ -22,6 +22,7 @@ In the order in which data passes:
 
 from __future__ import annotations
 
+from gpusim.fem.model.constraints import Equations, equations, tie
 from gpusim.fem.model.loads import (
     body_force,
     centrifugal,
@@ -42,6 +43,7 @@ from gpusim.fem.stress import Stress, principal, stress, von_mises
 
 __all__ = [
     "METHODS",
+    "Equations",
     "Isotropic",
     "Material",
     "Model",
@@ -50,6 +52,7 @@ __all__ = [
     "Stress",
     "body_force",
     "centrifugal",
+    "equations",
     "face_force",
     "line_force",
     "lumped_mass",
@@ -61,6 +64,7 @@ __all__ = [
     "stress",
     "symmetry",
     "thermal",
+    "tie",
     "traction",
     "von_mises",
 ]

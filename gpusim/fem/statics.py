@@ -12,10 +12,13 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Float
 from gpusim.fem.assembly.assembly import Assembled, assemble, model_lattice
 from gpusim.fem.assembly.node_graph import Numbering
+from gpusim.fem.assembly.reduced_system import reduced_system
 from gpusim.fem.assembly.stiffness_rounding import extremes
 from gpusim.fem.assembly.system import System, make_system
 from gpusim.fem.krylov.outer_iteration import Outcome
 from gpusim.fem.methods import solve_system
+from gpusim.fem.model.constraints import touched
+from gpusim.fem.model.elimination import Elimination, eliminate
 from gpusim.fem.model.model import Model, Solution, resolve_formulation
 from gpusim.fem.model.supports import check_supports
 from gpusim.fem.solve_plan import METHODS, Clock, Options, SolvePlan, plan_solve
@@ -95,17 +98,29 @@ def solve(
         if numbering is not None:
             model = numbering.renumbered(model)
             begin = None if begin is None else numbering.forward(begin)
+        elimination = eliminate(model)
         options = Options(method, device, backend, tolerance, max_iterations, begin, progress,
                           formulations, clock)  # fmt: skip
         clock.mark("check")
         assembled = assemble(model, formulations, lattice)
         clock.mark("assembly")
         system = _system(model, assembled, formulations)
+        whole = system
+        if elimination is not None:
+            assembled, system = reduced_system(model, assembled, system, elimination)
         plan = plan_solve(model, assembled, system, options)
         clock.mark("choice")
         outcome = solve_system(plan, model, assembled, system, options)
+        if elimination is not None:
+            outcome = _complete(outcome, whole, elimination)
         solution = _solution(model, system, assembled.rows, outcome, plan, clock)
         return solution if numbering is None else numbering.back(solution)
+
+
+def _complete(outcome: Outcome, whole: System, elimination: Elimination) -> Outcome:
+    """The displacements that follow, too, and the forces of all elements."""
+    u = elimination.displacements(outcome.u)
+    return replace(outcome, u=u, forces=whole.elements.product(u))
 
 
 def _system(model: Model, assembled: Assembled, formulations: Mapping[str, str]) -> System:
@@ -166,7 +181,8 @@ def _solution(
     if internal is None:
         internal = system.apply(u) * system.scale
     assert model.fixed is not None
-    reactions = np.where(model.fixed, internal - forces, 0.0)
+    held = model.fixed | touched(model.constraints, model.fixed.shape)
+    reactions = np.where(held, internal - forces, 0.0)
     single = model.forces is not None and model.forces.ndim == 2
     warnings = []
     dangling = len(model.mesh.dangling_nodes)

@@ -277,6 +277,7 @@ class Numbering:
             forces=model.forces[..., self.order, :],
             material_of_cell=model.material_of_cell,
             prescribed=model.prescribed[..., self.order, :],
+            constraints=[one.renumbered(self.order) for one in model.constraints],
         )
 
     def forward(self, values: Float) -> Float:

@@ -12,6 +12,7 @@ from gpusim.arrays.array_types import Bool, Float, Int
 from gpusim.display import notebook_html, plotted
 from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS
+from gpusim.fem.model.constraints import Equations, checked_constraints, touched
 from gpusim.fem.model.material import Material
 from gpusim.field_summary import field_summary
 from gpusim.mesh import Mesh
@@ -38,6 +39,8 @@ class Model:
         None: zero. Non-zero elsewhere is an error, so that a forgotten ``fixed`` can't pass.
     forces : (N,3) or (L,N,3) float64 nodal forces, L load cases; None: zero. One (N,3) with L
         prescribed displacements counts in every load case.
+    constraints : further equations between displacements: ties and others, see
+        `gpusim.fem.tie` and `gpusim.fem.equations`.
 
     Arrays are copied, checked and made read-only. Raises InputError.
 
@@ -56,6 +59,7 @@ class Model:
     forces: Float | None = None
     material_of_cell: Int | None = None
     prescribed: Float | None = None
+    constraints: Sequence[Equations] = ()
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
@@ -91,8 +95,10 @@ class Model:
             of_cell = np.zeros(cells, dtype=np.int32)
         else:
             of_cell = _material_numbers(self.material_of_cell, cells, len(materials))
-        _refuse_loaded_dangling(self.mesh, forces, fixed)
+        constraints = checked_constraints(self.constraints, fixed.size)
+        _refuse_loaded_dangling(self.mesh, forces, fixed | touched(constraints, shape))
         object.__setattr__(self, "materials", materials)
+        object.__setattr__(self, "constraints", constraints)
         arrays = {"fixed": fixed, "forces": forces, "prescribed": prescribed}
         for name, array in {**arrays, "material_of_cell": of_cell}.items():
             array.setflags(write=False)
@@ -187,10 +193,10 @@ def _material_numbers(value: Any, cells: int, count: int) -> Int:
     return np.array(numbers, dtype=np.int32)
 
 
-def _refuse_loaded_dangling(mesh: Mesh, forces: Float, fixed: Bool) -> None:
+def _refuse_loaded_dangling(mesh: Mesh, forces: Float, held: Bool) -> None:
     nodes = mesh.dangling_nodes
     loads = forces if forces.ndim == 3 else forces[None]
-    loaded = nodes[((loads[:, nodes] != 0.0).any(axis=0) & ~fixed[nodes]).any(axis=1)]
+    loaded = nodes[((loads[:, nodes] != 0.0).any(axis=0) & ~held[nodes]).any(axis=1)]
     if loaded.size:
         raise InputError(
             f"Model.forces: {loaded.size} loaded nodes belong to no cell; got node {loaded[0]}; "
@@ -241,11 +247,11 @@ class Solution:
     iterations : conjugate gradient iterations, refinements included; of the direct solver: solves.
     residuals : (iterations,L) preconditioned residual norms sqrt(r.z) over the first one; of the
         direct solver: corrections over the first one.
-    reactions : like u, the force that the supports exert; zero on free degrees of freedom. Their
-        relative error may be far larger than that of u where stiff parts are held by soft ones.
+    reactions : like u, the force that supports and constraints exert; zero on other degrees of
+        freedom. Their relative error may be far larger than that of u where stiff parts are held by soft ones.
     strain_energy, external_work : (L,), u.Ku/2 and (forces . u + reactions . u)/2; they agree
         when the solve has converged.
-    unknowns : free degrees of freedom. message : why the solve ended. warnings : what a reader
+    unknowns : free degrees of freedom, less those that constraints give up. message : why the solve ended. warnings : what a reader
         should know (dangling nodes). timings : seconds per part. backend, real,
         method, element_classes, row_classes : how it was computed. reasons : the solver's choices
         and why, one a line. model : what was solved; None where nobody said it.
