@@ -12,11 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse import bsr_matrix, csr_matrix, identity
+from scipy.sparse import bsr_matrix, identity
 
 from gpusim.arrays.array_types import Float
 from gpusim.fem.assembly.assembly import Assembled
-from gpusim.fem.assembly.stiffness_rounding import signed
 from gpusim.fem.assembly.system import ElementForces, System, contrast, row_sum, size_of_loads
 from gpusim.fem.model.elimination import Elimination
 from gpusim.fem.model.model import Model
@@ -85,9 +84,7 @@ class _FollowedElements:
     elimination: Elimination
 
     def product(self, v: Float) -> Float:
-        return self.elimination.forces(
-            self.elements.product(self.elimination.displacements(v))
-        )
+        return self.elimination.forces(self.elements.product(self.elimination.displacements(v)))
 
     def rounding(self, v: Float) -> Float:
         return self.elimination.sizes(self.elements.rounding(self.elimination.displacements(v)))

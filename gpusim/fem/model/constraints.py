@@ -25,7 +25,7 @@ from gpusim.validation import require, require_one_of
 # shares of a place below this are rounding
 _ROUNDING = 1e-12
 # of a face's size: how far off a node may lie where nothing is said, as in CalculiX
-_NEAR = 0.025
+NEAR = 0.025
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +143,7 @@ def tie(
     following = np.setdiff1d(_node_numbers(mesh, nodes), followed)
     require(len(following) > 0, "tie: nodes", "none beside those of the faces", "at least one")
     face, distance, shares = nearest_on_surface(faces, mesh.points[following])
-    reach = _NEAR * np.sqrt(faces.areas[face]) if tolerance is None else tolerance
+    reach = NEAR * np.sqrt(faces.areas[face]) if tolerance is None else tolerance
     off = np.flatnonzero(~(distance <= reach))
     if off.size:
         raise InputError(
@@ -201,3 +201,16 @@ def touched(constraints: Sequence[Equations], shape: tuple[int, ...]) -> Bool:
     for one in constraints:
         result.reshape(-1)[one.matrix.indices[one.matrix.data != 0.0]] = True
     return result
+
+
+def same_equations(some: Sequence[Equations], others: Sequence[Equations]) -> bool:
+    """Whether two models' constraints are the same numbers in the same order."""
+    return len(some) == len(others) and all(
+        one is other
+        or (
+            one.matrix.shape == other.matrix.shape
+            and np.array_equal(one.right, other.right)
+            and not abs(one.matrix - other.matrix).max()
+        )
+        for one, other in zip(some, others, strict=True)
+    )

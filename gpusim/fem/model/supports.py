@@ -111,7 +111,9 @@ def _check_parts(model: Model, lattice: Lattice | None) -> None:
     # nodes of no cell that stand in equations are parts of their own
     loose = np.intersect1d(model.mesh.dangling_nodes, equations.indices // 3)
     parts += len(loose)
-    key = np.concatenate([node * parts + part, loose * parts + np.arange(parts - len(loose), parts)])
+    key = np.concatenate(
+        [node * parts + part, loose * parts + np.arange(parts - len(loose), parts)]
+    )
     node, part = np.divmod(distinct(key), parts)
     row = np.repeat(np.arange(equations.shape[0]), np.diff(equations.indptr))
     group = _connected(
@@ -120,10 +122,10 @@ def _check_parts(model: Model, lattice: Lattice | None) -> None:
         np.concatenate([part, parts + row]),
     )
     group_of_row = group[count + parts :]
-    for one in np.unique(group[node]):
-        inside = group[node] == one
+    for number in np.unique(group[node]):
+        inside = group[node] == number
         members, local = np.unique(part[inside], return_inverse=True)
-        _check_body(model, node[inside], local, len(members), equations[group_of_row == one])
+        _check_body(model, node[inside], local, len(members), equations[group_of_row == number])
 
 
 def _connected(count: int, node: Long, other: Long) -> Long:
