@@ -13,15 +13,14 @@ In the order in which data passes:
 - `direct_solvers`: Direct solvers, and the choice between them and multigrid.
 - `device`: The solver on a device: texels, operators, smoothing, the V-cycle.
 - `krylov`: Krylov iterations, and what is known of their error.
-- `solve_plan`: Every choice of a solve, made once before work, each with its reason.
-- `methods`: A system solved as a plan says.
-- `statics`: Linear statics: K u = f to a stated displacement error.
-- `stress`: Stress recovery: at quadrature points, averaged at nodes, and how far the two
-  disagree.
+- `linear`: Linear solvers: prepared for a matrix, solved with, updated.
+- `procedures`: What is solved step by step with them: linear statics.
+- `recovery`: What follows from displacements: stress.
 """
 
 from __future__ import annotations
 
+from gpusim.fem.linear.solve_plan import METHODS
 from gpusim.fem.model.constraints import Equations, equations, tie
 from gpusim.fem.model.loads import (
     body_force,
@@ -37,9 +36,8 @@ from gpusim.fem.model.material import Isotropic, Material, Orthotropic
 from gpusim.fem.model.model import Model, Solution
 from gpusim.fem.model.supports import symmetry
 from gpusim.fem.model.thermal_loads import thermal
-from gpusim.fem.solve_plan import METHODS
-from gpusim.fem.statics import solve
-from gpusim.fem.stress import Stress, principal, stress, von_mises
+from gpusim.fem.procedures.linear_static import solve
+from gpusim.fem.recovery.stress import Stress, principal, stress, von_mises
 
 __all__ = [
     "METHODS",

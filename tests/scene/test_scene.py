@@ -12,7 +12,7 @@ import pytest
 from gpusim.errors import SceneError
 from gpusim.export.layers import LAYERS
 from gpusim.fem.elements.element import ELEMENTS
-from gpusim.fem.statics import METHODS
+from gpusim.fem.procedures.linear_static import METHODS
 from gpusim.mesh.builders import grids
 from gpusim.scene import Scene, json_schema, load_scene, parse_value
 from gpusim.scene.cost import element_counts

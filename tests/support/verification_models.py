@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.fem import Isotropic, Model, face_force, nodal_force, pressure, solve
-from gpusim.fem.stress import stress
+from gpusim.fem.recovery.stress import stress
 from gpusim.mesh import CELL_TYPES, Mesh, box, quadratic, select_faces, split
 
 Float = npt.NDArray[np.float64]

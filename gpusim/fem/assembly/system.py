@@ -101,17 +101,26 @@ class System:
 
 
 def make_system(model: Model, assembled: Assembled) -> System:
-    """Free unknowns, right-hand sides with what prescribed displacements pull, and the scales."""
-    rows, lattice = assembled.rows, assembled.lattice
+    """The system of a model's load cases."""
     assert model.fixed is not None
     free = ~model.fixed
     free[model.mesh.dangling_nodes] = False
+    return scaled_system(
+        assembled, model.mesh.points, free, model.load_cases, model.prescribed_cases
+    )
+
+
+def scaled_system(
+    assembled: Assembled, points: Float, free: Bool, loads: Float, prescribed: Float
+) -> System:
+    """Right-hand sides with what ``prescribed`` displacements pull, and the scales; see
+    `System`."""
+    rows, lattice = assembled.rows, assembled.lattice
     # a power of two: the scaled problem has the same digits, and fits the range of float32
     largest = float(np.abs(rows.diagonal).max())
     scale = float(2.0 ** np.round(np.log2(largest)))
-    prescribed = model.prescribed_cases
     pull = apply_stiffness(rows, prescribed) if prescribed.any() else None
-    right = np.where(free, model.load_cases - (0.0 if pull is None else pull), 0.0)
+    right = np.where(free, loads - (0.0 if pull is None else pull), 0.0)
     load_scale = size_of_loads(right, scale)
     stencil = None
     if lattice is not None and rows.class_count <= rows.node_count // _REPEATS:
@@ -119,7 +128,7 @@ def make_system(model: Model, assembled: Assembled) -> System:
     product = None if stencil is None else stencil.product
     by_runs = None if product is None else product.in_differences
 
-    elements = Deformation(assembled.groups, model.mesh.points)
+    elements = Deformation(assembled.groups, points)
 
     def rounding(u: Float) -> Float:
         size = rounding_forces(rows, u)
@@ -141,7 +150,7 @@ def make_system(model: Model, assembled: Assembled) -> System:
         load_scale=load_scale,
         prescribed=prescribed,
         pull=pull,
-        loads=model.load_cases,
+        loads=loads,
         elements=elements,
     )
 

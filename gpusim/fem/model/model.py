@@ -253,9 +253,9 @@ class Solution:
     strain_energy, external_work : (L,), u.Ku/2 and (forces . u + reactions . u)/2; they agree
         when the solve has converged.
     unknowns : free degrees of freedom, less those that constraints give up. message : why the solve
-        ended. warnings : what a reader should know (dangling nodes). timings : seconds per part. backend, real,
-        method, element_classes, row_classes : how it was computed. reasons : the solver's choices
-        and why, one a line. model : what was solved; None where nobody said it.
+        ended. warnings : what a reader should know (dangling nodes). timings : seconds per part.
+        backend, real, method, element_classes, row_classes : how it was computed. reasons : the
+        solver's choices and why, one a line. model : what was solved; None where nobody said it.
 
     Examples
     --------

@@ -216,12 +216,12 @@ def _check_body(
         place = np.zeros(model.mesh.node_count, dtype=np.int64)
         place[node] = local
         term = coo_matrix(equations)
-        at, axis = np.divmod(term.col, 3)
-        motions = rigid_modes(model.mesh.points[at], origin, length)[np.arange(len(at)), axis]
+        at, along = np.divmod(term.col, 3)
+        motions = rigid_modes(model.mesh.points[at], origin, length)[np.arange(len(at)), along]
         gram += _gram(term, place[at], motions, parts)
         # a loose node has those displacements alone that equations ask for
         exists = np.repeat(~loose[:, None], 6, axis=1)
-        exists[place[at], axis] = True
+        exists[place[at], along] = True
         gram[np.diag_indices(6 * parts)] += ~exists.ravel()
     values, vectors = np.linalg.eigh(gram)
     scale = max(float(values[-1]), 1.0)

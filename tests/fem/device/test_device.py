@@ -20,7 +20,7 @@ from gpusim.fem.device.stiffness import DeviceProduct, DeviceStiffness
 from gpusim.fem.device.tet_forces import device_tets, upload_operator
 from gpusim.fem.krylov.cg import DeviceCG
 from gpusim.fem.krylov.multigrid_preconditioner import Multigrid
-from gpusim.fem.methods import _memory
+from gpusim.fem.linear.device_solver import device_bytes
 from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.multigrid.column_blocks import Columns
 from gpusim.fem.multigrid.hierarchy import Hierarchy, build_hierarchy
@@ -274,7 +274,7 @@ def test_memory_asked_for_is_memory_taken(device: Device, name: str, cases: int)
         loop = DeviceCG(arena, operator, ready, cases)
         loop.begin(np.zeros((cases, free.size)))
         taken = device.allocated - before
-    asked = _memory(assembled, elements, cases, multigrid)
+    asked = device_bytes(assembled, elements, cases, multigrid)
     assert taken <= asked <= 2.0 * taken
     assert device.allocated == before
 

@@ -15,8 +15,8 @@ from gpusim.fem.assembly.system import System
 from gpusim.fem.direct_solvers import banded_cholesky
 from gpusim.fem.direct_solvers.banded_cholesky import BandedFactor, band_ordering
 from gpusim.fem.direct_solvers.substructuring import SubstructuredFactor, cut_slabs
+from gpusim.fem.linear.solve_plan import direct_solver, least_seconds
 from gpusim.fem.model.model import resolve_formulation
-from gpusim.fem.solve_plan import direct_solver, least_seconds
 from gpusim.fem.sparse.block_rows import block_matrix
 from gpusim.mesh import Mesh, box
 from gpusim.mesh.builders.conversion import split
@@ -229,7 +229,7 @@ def test_the_estimate_covers_the_rounding_of_the_stiffness(monkeypatch: pytest.M
 
 
 def test_direct_is_refused_where_its_factors_do_not_fit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gpusim.fem.solve_plan.host_memory", lambda: 1000)
+    monkeypatch.setattr("gpusim.fem.linear.solve_plan.host_memory", lambda: 1000)
     with pytest.raises(InputError, match=r"direct.*GB.*expected"):
         solve(beam(), backend="numpy", method="direct")
     assert solve(beam(), backend="numpy").method == "multigrid"
@@ -269,7 +269,7 @@ def test_thick_bodies_are_factorised_only_where_multigrid_has_failed(
     def look(*_: object) -> None:
         looked.append(True)
 
-    monkeypatch.setattr("gpusim.fem.solve_plan.direct_solver", look)
+    monkeypatch.setattr("gpusim.fem.linear.solve_plan.direct_solver", look)
     assert solve(cube, backend="numpy").method == "multigrid" and not looked
     failed = solve(cube, backend="numpy", max_iterations=1)
     assert not failed.converged and looked
@@ -279,5 +279,5 @@ def test_thick_bodies_are_factorised_only_where_multigrid_has_failed(
 def test_auto_iterates_where_it_is_quicker(
     monkeypatch: pytest.MonkeyPatch, software: bool, backend: str
 ) -> None:
-    monkeypatch.setattr("gpusim.fem.solve_plan.software_adapter", lambda: software)
+    monkeypatch.setattr("gpusim.fem.linear.solve_plan.software_adapter", lambda: software)
     assert solve(beam((9, 3, 2)), method="multigrid").backend == backend

@@ -139,7 +139,7 @@ def test_aggregates_are_gone_through_twice_and_take_fewer_iterations(
             levels = tuple(replace(one, twice=one.twice and twice) for one in result.levels)
             return replace(result, levels=levels)
 
-        monkeypatch.setattr("gpusim.fem.methods.build_hierarchy", made)
+        monkeypatch.setattr("gpusim.fem.linear.multigrid_solver.build_hierarchy", made)
         found = fem.solve(model, tolerance=1e-6, method="multigrid", backend="numpy")
         assert np.linalg.norm(found.u - exact) <= 1e-6 * np.linalg.norm(exact)
         iterations.append(found.iterations)

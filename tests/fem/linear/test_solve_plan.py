@@ -11,8 +11,8 @@ import pytest
 from gpusim.fem import Isotropic, Model, solve
 from gpusim.fem.assembly.assembly import assemble, model_lattice
 from gpusim.fem.assembly.system import make_system
+from gpusim.fem.linear.solve_plan import Clock, Options, SolvePlan, plan_solve
 from gpusim.fem.model.model import resolve_formulation
-from gpusim.fem.solve_plan import Clock, Options, SolvePlan, plan_solve
 from gpusim.mesh import box
 
 
@@ -56,7 +56,9 @@ def test_attempts_have_reasons(
 def test_the_place_is_chosen_with_a_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     model = held((2, 2, 2))
     for software, place in ((True, "on the host"), (False, "on the device")):
-        monkeypatch.setattr("gpusim.fem.solve_plan.software_adapter", lambda own=software: own)
+        monkeypatch.setattr(
+            "gpusim.fem.linear.solve_plan.software_adapter", lambda own=software: own
+        )
         plan = planned(model, "multigrid", "auto")
         assert plan.on_device != software
         assert plan.reasons["iterations"].startswith(place)

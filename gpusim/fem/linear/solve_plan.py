@@ -22,6 +22,7 @@ from gpusim.fem.direct_solvers.substructuring import SubstructuredFactor, cut_sl
 from gpusim.fem.krylov.outer_iteration import UNEVEN_STIFFNESS
 from gpusim.fem.lattice.lattice import Lattice
 from gpusim.fem.model.model import Model
+from gpusim.fem.sparse.block_rows import BlockRows
 from gpusim.gpu import Device, default_device, software_adapter
 from gpusim.parallel.machine import host_memory
 from gpusim.validation import require
@@ -52,13 +53,14 @@ _STIFF_IN_BULK = 300.0
 
 @dataclass(frozen=True, eq=False)
 class Direct:
-    """A direct solver that could be used: estimated ``seconds``, bytes, what it is, and a function
-    that builds it."""
+    """A direct solver that could be used: estimated ``seconds``, bytes, what it is, the ``rows``
+    of K, and a function that factorises these, or others of the same pattern."""
 
     seconds: float
     nbytes: int
     description: str
-    build: Callable[[], BandedFactor | SubstructuredFactor]
+    rows: BlockRows
+    build: Callable[[BlockRows], BandedFactor | SubstructuredFactor]
 
     @property
     def fits(self) -> bool:
@@ -90,7 +92,9 @@ def direct_solver(
                     slabs.nbytes,
                     f"congruent sections condensed, {sum(len(r.pairs) for r in slabs.rounds)} "
                     f"distinct of {len(slabs.kind) - 1} joins",
-                    lambda: SubstructuredFactor(slabs, group, lattice, scale),
+                    assembled.rows,
+                    # one of congruent sections has no other values
+                    lambda _: SubstructuredFactor(slabs, group, lattice, scale),
                 )
             )
     # a bandwidth that isn't worth a closer look; that of a lattice is about its widest plane
@@ -104,7 +108,8 @@ def direct_solver(
                 ordering.operations / _BAND_RATE + _PER_UNKNOWN * unknowns,
                 ordering.nbytes,
                 f"banded Cholesky, bandwidth {ordering.bandwidth}",
-                lambda: BandedFactor(assembled.rows, ordering, scale),
+                assembled.rows,
+                lambda rows: BandedFactor(rows, ordering, scale),
             )
         )
     return min(solvers, key=lambda one: one.seconds, default=None)

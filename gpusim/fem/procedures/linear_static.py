@@ -16,12 +16,12 @@ from gpusim.fem.assembly.reduced_system import reduced_system
 from gpusim.fem.assembly.stiffness_rounding import extremes
 from gpusim.fem.assembly.system import System, make_system
 from gpusim.fem.krylov.outer_iteration import Outcome
-from gpusim.fem.methods import solve_system
+from gpusim.fem.linear.linear_solver import solve_system
+from gpusim.fem.linear.solve_plan import METHODS, Clock, Options, SolvePlan, plan_solve
 from gpusim.fem.model.constraints import touched
 from gpusim.fem.model.elimination import Elimination, eliminate
 from gpusim.fem.model.model import Model, Solution, resolve_formulation
 from gpusim.fem.model.supports import check_supports
-from gpusim.fem.solve_plan import METHODS, Clock, Options, SolvePlan, plan_solve
 from gpusim.fem.sparse.block_rows import BlockRows
 from gpusim.gpu import Device
 from gpusim.parallel.blas_threads import one_blas_thread

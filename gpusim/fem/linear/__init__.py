@@ -1,0 +1,12 @@
+"""Linear solvers: prepared for a matrix, solved with, and updated where its values change.
+
+In the order in which data passes:
+
+- `solve_plan`: Every choice of a solve, made once before work, each with its reason.
+- `direct_solver`: Direct solvers: factors of K, and displacements refined with float64 residuals.
+- `multigrid_solver`: Conjugate gradients preconditioned by multigrid, on the host.
+- `device_solver`: Conjugate gradients preconditioned by multigrid, on a device.
+- `pressure_solver`: Displacements and pressures together, for nearly incompressible materials.
+- `linear_solver`: Linear solvers: what all of them can, and a system solved by them as a plan
+  says.
+"""
