@@ -121,6 +121,8 @@ class Constraints:
         self.follows = np.zeros((count, 3), dtype=np.int32)
         self.equations: list[list[tuple[int, int, float]]] = []
         self.ties: list[Equations] = []
+        self._rows: list[Row] = []
+        self._own: tuple[Equations, ...] = ()
 
     def clear(self) -> None:
         self.fixed[:] = False
@@ -199,8 +201,10 @@ class Constraints:
                 columns += [3 * other + k for k in range(3) if direction[k] != 0.0]
                 weights += [factor * float(d) for d in direction if d != 0.0]
             rows.append((columns, weights, 0.0))
-        own = (Equations.build(rows, fixed.size),) if rows else ()
-        return fixed, value, (*self.ties, *own)
+        if rows != self._rows:
+            # steps that say the same share them
+            self._rows, self._own = rows, (Equations.build(rows, fixed.size),) if rows else ()
+        return fixed, value, (*self.ties, *self._own)
 
     def _directions(self, first: int, last: int, value: float, where: str) -> tuple[int, ...]:
         fits = 1 <= first <= last <= 6 and (last <= 3 or value == 0.0)

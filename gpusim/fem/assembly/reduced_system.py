@@ -17,6 +17,7 @@ from scipy.sparse import bsr_matrix, identity
 from gpusim.arrays.array_types import Float
 from gpusim.fem.assembly.assembly import Assembled
 from gpusim.fem.assembly.system import ElementForces, System, contrast, row_sum, size_of_loads
+from gpusim.fem.model.constraints import touched
 from gpusim.fem.model.elimination import Elimination
 from gpusim.fem.model.model import Model
 from gpusim.fem.sparse.block_rows import BlockRows, block_matrix, block_rows
@@ -45,7 +46,8 @@ def reduced_system(
     given_up, scale = elimination.given_up, system.scale
     assert model.fixed is not None
     free = ~model.fixed & ~given_up
-    free[model.mesh.dangling_nodes] &= elimination.touched[model.mesh.dangling_nodes]
+    loose = model.mesh.dangling_nodes
+    free[loose] &= touched(model.constraints, free.shape)[loose]
     prescribed = np.where(given_up, elimination.offset, system.prescribed)
 
     def apply(v: Float) -> Float:
@@ -70,15 +72,15 @@ def reduced_system(
         prescribed=prescribed,
         pull=pull,
         loads=loads,
-        elements=_FollowedElements(system.elements, elimination),
+        elements=_ReducedForces(system.elements, elimination),
         stencil=None,
     )
     return Assembled(rows, [], None), reduced
 
 
 @dataclass(frozen=True, eq=False)
-class _FollowedElements:
-    """Forces of elements on v."""
+class _ReducedForces:
+    """Of elements, on v."""
 
     elements: ElementForces
     elimination: Elimination
@@ -87,4 +89,6 @@ class _FollowedElements:
         return self.elimination.forces(self.elements.product(self.elimination.displacements(v)))
 
     def rounding(self, v: Float) -> Float:
-        return self.elimination.sizes(self.elements.rounding(self.elimination.displacements(v)))
+        # as if none took off from another
+        spread = replace(self.elimination, matrix=abs(self.elimination.matrix))
+        return spread.forces(self.elements.rounding(self.elimination.displacements(v)))

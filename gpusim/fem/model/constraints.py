@@ -201,16 +201,3 @@ def touched(constraints: Sequence[Equations], shape: tuple[int, ...]) -> Bool:
     for one in constraints:
         result.reshape(-1)[one.matrix.indices[one.matrix.data != 0.0]] = True
     return result
-
-
-def same_equations(some: Sequence[Equations], others: Sequence[Equations]) -> bool:
-    """Whether two models' constraints are the same numbers in the same order."""
-    return len(some) == len(others) and all(
-        one is other
-        or (
-            one.matrix.shape == other.matrix.shape
-            and np.array_equal(one.right, other.right)
-            and not abs(one.matrix - other.matrix).max()
-        )
-        for one, other in zip(some, others, strict=True)
-    )

@@ -12,12 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import qr, solve
-from scipy.sparse import coo_matrix, csr_matrix, diags, vstack
+from scipy.linalg import inv, qr
+from scipy.sparse import block_diag, bmat, csr_matrix, diags, vstack
 from scipy.sparse.csgraph import connected_components
 
 from gpusim.arrays.array_types import Bool, Float, Long
-from gpusim.arrays.unique import mix, unique_hashes
 from gpusim.errors import InputError
 from gpusim.fem.model.model import Model
 from gpusim.validation import require
@@ -42,14 +41,12 @@ class Elimination:
     """u = ``matrix`` (3N,3N) v, where v is u but for the unknowns ``given_up`` (N,3): there it is
     what u differs by from the unknowns that it follows, ``offset`` (N,3).
 
-    Given up unknowns are to v as fixed ones are, with ``offset`` prescribed. ``touched`` (N,3) are
-    the unknowns that stand in equations.
+    Given up unknowns are to v as fixed ones are, with ``offset`` prescribed.
     """
 
     matrix: csr_matrix
     given_up: Bool
     offset: Float
-    touched: Bool
 
     def displacements(self, v: Float) -> Float:
         """u (L,N,3) of v."""
@@ -61,11 +58,15 @@ class Elimination:
             forces.shape
         )
 
-    def sizes(self, sizes: Float) -> Float:
-        """The same of their sizes alone, as if none took off from another."""
-        return np.asarray((abs(self.matrix).T @ sizes.reshape(len(sizes), -1).T).T).reshape(
-            sizes.shape
-        )
+
+@dataclass(frozen=True, eq=False)
+class _Pivots:
+    """Equations ``rows`` (k,) resolved for the unknowns ``columns`` (k,); ``inverse`` (k,k) sparse
+    of the factors that they have there."""
+
+    rows: Long
+    columns: Long
+    inverse: csr_matrix
 
 
 def eliminate(model: Model) -> Elimination | None:
@@ -78,41 +79,34 @@ def eliminate(model: Model) -> Elimination | None:
     if not model.constraints:
         return None
     assert model.fixed is not None
-    fixed, size = model.fixed.ravel(), model.fixed.size
-    matrix, right = _each_once(*normalised_equations(model))
-    known = np.where(fixed, model.prescribed_cases.reshape(-1, size), 0.0)
-    # what is open, of how large numbers
+    shape, size = model.fixed.shape, model.fixed.size
+    matrix, right = normalised_equations(model)
+    held = model.fixed.ravel()
+    known = np.where(held, model.prescribed_cases.reshape(-1, size), 0.0)
+    # what is open, of numbers of what size
     residual = right[:, None] - matrix @ known.T
     level = np.abs(right)[:, None] + abs(matrix) @ np.abs(known.T)
-    unknown = csr_matrix(matrix @ diags((~fixed).astype(np.float64)))
+    unknown = csr_matrix(matrix @ diags((~held).astype(np.float64)))
     unknown.eliminate_zeros()
     rounds, rest = _triangularised(unknown)
-    given_up = np.zeros(size, dtype=bool)
-    for _, column in rounds:
-        given_up[column] = True
-    core = _Core.of(unknown, rest, residual, level)
-    given_up[core.columns] = True
-    kept = diags((~given_up).astype(np.float64))
-    share, shift = csr_matrix(kept), np.zeros(size)
     # first the coupled ones, in terms of what stays; then those set aside, the last one first
-    share, shift = core.resolved(matrix, right, share, shift)
-    for rows, column in reversed(rounds):
-        own = matrix[rows]
-        factor = np.asarray(own[np.arange(len(rows)), column]).ravel()
-        at = (column, np.arange(len(rows)))
-        spread = csr_matrix((-1.0 / factor, at), shape=(size, len(rows)))
-        shift += np.asarray(spread @ (own @ shift - right[rows]))
-        share = share + spread @ (own @ share)
-    stiff = np.ones(model.fixed.shape, dtype=bool)
+    steps = [_coupled(unknown, rest, residual, level), *reversed(rounds)]
+    given_up = np.zeros(size, dtype=bool)
+    given_up[np.concatenate([one.columns for one in steps])] = True
+    share, offset = csr_matrix(diags((~given_up).astype(np.float64))), np.zeros(size)
+    for one in steps:
+        equations = matrix[one.rows]
+        place = np.ones(len(one.rows)), (one.columns, np.arange(len(one.rows)))
+        spread = csr_matrix(place, shape=(size, len(one.rows))) @ one.inverse
+        offset -= spread @ (equations @ offset - right[one.rows])
+        share = share - spread @ (equations @ share)
+    stiff = given_up.reshape(shape).copy()
     stiff[model.mesh.dangling_nodes] = False
-    terms = np.diff(share.indptr)[given_up & stiff.ravel()].astype(np.float64)
-    fill = float((terms**2).sum())
+    fill = float((np.diff(share.indptr)[stiff.ravel()].astype(np.float64) ** 2).sum())
     expected = f"at most {_MOST_FILL:.0e} (do some hold thousands of displacements?)"
     require(fill <= _MOST_FILL, "constraints: terms in the stiffness", f"{fill:.0e}", expected)
-    shape = model.fixed.shape
-    touched = np.bincount(matrix.indices, minlength=size).reshape(shape) > 0
     whole = csr_matrix(share + diags(given_up.astype(np.float64)))
-    return Elimination(whole, given_up.reshape(shape), shift.reshape(shape), touched)
+    return Elimination(whole, given_up.reshape(shape), offset.reshape(shape))
 
 
 def normalised_equations(model: Model) -> tuple[csr_matrix, Float]:
@@ -131,21 +125,7 @@ def normalised_equations(model: Model) -> tuple[csr_matrix, Float]:
     return matrix, factor * right
 
 
-def _each_once(matrix: csr_matrix, right: Float) -> tuple[csr_matrix, Float]:
-    """Equations without those that are said again."""
-    row = np.repeat(np.arange(len(right)), np.diff(matrix.indptr))
-    streams = []
-    for seed in (20, 30):
-        term = mix(matrix.data.view(np.int64), seed) + mix(matrix.indices, seed + 1)
-        total = mix(right.view(np.int64), seed + 2)
-        # sums don't depend on the order of terms; overflow wraps around, as hashes may
-        np.add.at(total, row, mix(term, seed + 3))
-        streams.append(total)
-    first, _ = unique_hashes(*streams)
-    return matrix[first], right[first]
-
-
-def _triangularised(unknown: csr_matrix) -> tuple[list[tuple[Long, Long]], Long]:
+def _triangularised(unknown: csr_matrix) -> tuple[list[_Pivots], Long]:
     """Equations and the unknowns that they give up, round by round: none of a round's unknowns
     stands in equations of later rounds; and those that are left."""
     rounds, rest = [], np.arange(unknown.shape[0])
@@ -154,7 +134,8 @@ def _triangularised(unknown: csr_matrix) -> tuple[list[tuple[Long, Long]], Long]
         column = _own_unknowns(rows, shares[0])
         own = column >= 0
         if own.any():
-            rounds.append((rest[own], column[own]))
+            factor = np.asarray(rows[np.flatnonzero(own), column[own]]).ravel()
+            rounds.append(_Pivots(rest[own], column[own], csr_matrix(diags(1.0 / factor))))
             rest, rows, shares = rest[~own], rows[~own], list(_SHARES)
         else:
             shares.pop(0)
@@ -177,64 +158,32 @@ def _own_unknowns(rows: csr_matrix, share: float) -> Long:
     return column
 
 
-@dataclass(frozen=True, eq=False)
-class _Core:
-    """Equations that share all their unknowns: of each connected part the ``rows`` that say
-    something new and as many ``pivots`` to give up."""
-
-    rows: list[Long]
-    pivots: list[Long]
-
-    @property
-    def columns(self) -> Long:
-        return np.concatenate([np.zeros(0, dtype=np.int64), *self.pivots])
-
-    @staticmethod
-    def of(unknown: csr_matrix, rest: Long, residual: Float, level: Float) -> _Core:
-        """Of the equations ``rest``, whose fixed unknowns leave ``residual`` (m,L) open, in numbers
-        of size ``level``. Raises InputError for contradictions."""
-        core = unknown[rest]
-        used = core.getnnz(axis=1) > 0
-        _refuse_contradictions(residual[rest[~used]], level[rest[~used]])
-        rest, core = rest[used], core[used]
-        count = len(rest)
-        links = coo_matrix(core)
-        graph = coo_matrix(
-            (np.ones(len(links.row)), (links.row, count + links.col)),
-            shape=(count + core.shape[1],) * 2,
-        )
-        part = connected_components(graph.tocsr(), directed=False)[1][:count]
-        order = np.argsort(part, kind="stable")
-        rows, pivots = [], []
-        for members in np.split(order, np.flatnonzero(np.diff(part[order])) + 1):
-            if not members.size:
-                continue
-            got, expected = f"{len(members)} that share all", f"at most {_MOST_COUPLED}"
-            require(len(members) <= _MOST_COUPLED, "constraints: equations", got, expected)
-            equations = rest[members]
-            columns, keep = _pivots(core[members], residual[equations], level[equations])
-            rows.append(equations[keep])
-            pivots.append(columns)
-        return _Core(rows, pivots)
-
-    def resolved(
-        self, matrix: csr_matrix, right: Float, share: csr_matrix, shift: Float
-    ) -> tuple[csr_matrix, Float]:
-        """``share`` and ``shift`` with the rows of the unknowns given up here."""
-        entries = []
-        for rows, pivots in zip(self.rows, self.pivots, strict=True):
-            kept = matrix[rows]
-            others = np.setdiff1d(kept.indices, pivots)
-            block = kept[:, pivots].toarray()
-            table = -solve(block, kept[:, others].toarray())
-            shift[pivots] = solve(block, right[rows])
-            entries.append(
-                (table.ravel(), np.repeat(pivots, len(others)), np.tile(others, len(pivots)))
-            )
-        if entries:
-            values, row, column = (np.concatenate(part) for part in zip(*entries, strict=True))
-            share = share + coo_matrix((values, (row, column)), shape=share.shape).tocsr()
-        return share, shift
+def _coupled(unknown: csr_matrix, rest: Long, residual: Float, level: Float) -> _Pivots:
+    """The equations ``rest``, which share all their unknowns, connected part by connected part:
+    those that say something new, and as many unknowns. The fixed ones leave ``residual`` (m,L)
+    open, in numbers of size ``level``. Raises InputError for contradictions."""
+    core = unknown[rest]
+    used = core.getnnz(axis=1) > 0
+    _refuse_contradictions(residual[rest[~used]], level[rest[~used]])
+    rest, core = rest[used], core[used]
+    count, none = len(rest), np.zeros(0, dtype=np.int64)
+    if not count:
+        return _Pivots(none, none, csr_matrix((0, 0)))
+    # equations and unknowns as the nodes of a graph
+    graph = bmat([[None, core], [csr_matrix(core.T), None]])
+    part = connected_components(graph, directed=False)[1][:count]
+    order = np.argsort(part, kind="stable")
+    rows, columns, inverses = [], [], []
+    for members in np.split(order, np.flatnonzero(np.diff(part[order])) + 1):
+        got, expected = f"{len(members)} that share all", f"at most {_MOST_COUPLED}"
+        require(len(members) <= _MOST_COUPLED, "constraints: equations", got, expected)
+        equations = rest[members]
+        pivots, keep = _pivots(core[members], residual[equations], level[equations])
+        rows.append(equations[keep])
+        columns.append(pivots)
+        inverses.append(inv(unknown[equations[keep]][:, pivots].toarray()))
+    inverse: csr_matrix = csr_matrix(block_diag(inverses, format="csr"))
+    return _Pivots(np.concatenate(rows), np.concatenate(columns), inverse)
 
 
 def _pivots(rows: csr_matrix, residual: Float, level: Float) -> tuple[Long, Bool]:

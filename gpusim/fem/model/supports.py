@@ -215,28 +215,23 @@ def _check_body(
         loose[local[np.isin(node, model.mesh.dangling_nodes)]] = True
         place = np.zeros(model.mesh.node_count, dtype=np.int64)
         place[node] = local
-        term = coo_matrix(equations)
-        at, along = np.divmod(term.col, 3)
-        motions = rigid_modes(model.mesh.points[at], origin, length)[np.arange(len(at)), along]
-        gram += _gram(term, place[at], motions, parts)
-        # a loose node has those displacements alone that equations ask for
-        exists = np.repeat(~loose[:, None], 6, axis=1)
-        exists[place[at], along] = True
-        gram[np.diag_indices(6 * parts)] += ~exists.ravel()
+        modes = rigid_modes(model.mesh.points, origin, length)
+        gram += _equation_gram(coo_matrix(equations), place, modes, loose)
     values, vectors = np.linalg.eigh(gram)
     scale = max(float(values[-1]), 1.0)
     free = vectors[:, ~(values > 1e-14 * scale)]
     if free.shape[1] == 0:
         return
     size = np.ptp(points, axis=0)
-    if not size.min() > _THINNEST * length:
+    solid = ~loose if not loose.all() else loose
+    if not (loose.all() or size.min() > _THINNEST * length):
         raise InputError(
             f"supports: the body with {len(points)} nodes is too thin to be held: what keeps it "
             f"from turning is lost in rounding; got sides of {size[0]:.3g} x {size[1]:.3g} x "
             f"{size[2]:.3g}; expected sides of at least {_THINNEST:g} of the longest (are they all "
             "in one unit?)"
         )
-    names = _names(free.reshape(parts, 6, -1)[~loose], origin, length)
+    names = _names(free.reshape(parts, 6, -1)[solid], origin, length)
     how = "are joined by constraints" if tied else "touch only along edges or at nodes"
     where = "" if parts == 1 else f" (its {parts} parts {how})"
     raise InputError(
@@ -246,14 +241,18 @@ def _check_body(
     )
 
 
-def _gram(term: coo_matrix, part: Long, motions: Float, parts: int) -> Float:
-    """(6P,6P) products of what equations say of the motions of parts: each ``term`` is of a
-    displacement of one ``part``, which its ``motions`` (t,6) give."""
-    values = (term.data[:, None] * motions).ravel()
-    column = (6 * part[:, None] + np.arange(6)).ravel()
-    shape = (term.shape[0], 6 * parts)
+def _equation_gram(term: coo_matrix, part: Long, modes: Float, loose: Bool) -> Float:
+    """(6P,6P) products of what equations say of the motions of parts, with ``modes`` (N,3,6) of
+    nodes, which belong to one ``part`` (N,) each. Parts that are ``loose`` nodes have those
+    displacements alone that equations ask for."""
+    node, axis = np.divmod(term.col, 3)
+    values = (term.data[:, None] * modes[node, axis]).ravel()
+    column = (6 * part[node, None] + np.arange(6)).ravel()
+    shape = (term.shape[0], 6 * len(loose))
     rows = coo_matrix((values, (np.repeat(term.row, 6), column)), shape=shape).tocsr()
-    return np.asarray((rows.T @ rows).toarray())
+    exists = np.repeat(~loose[:, None], 6, axis=1)
+    exists[part[node], axis] = True
+    return np.asarray((rows.T @ rows).toarray() + np.diag(~exists.ravel()))
 
 
 def _placed(

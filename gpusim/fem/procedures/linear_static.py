@@ -105,22 +105,28 @@ def solve(
         assembled = assemble(model, formulations, lattice)
         clock.mark("assembly")
         system = _system(model, assembled, formulations)
-        whole = system
-        if elimination is not None:
-            assembled, system = reduced_system(model, assembled, system, elimination)
-        plan = plan_solve(model, assembled, system, options)
-        clock.mark("choice")
-        outcome = solve_system(plan, model, assembled, system, options)
-        if elimination is not None:
-            outcome = _complete(outcome, whole, elimination)
-        solution = _solution(model, system, assembled.rows, outcome, plan, clock)
+        solution = _solved(model, assembled, system, elimination, options)
         return solution if numbering is None else numbering.back(solution)
 
 
-def _complete(outcome: Outcome, whole: System, elimination: Elimination) -> Outcome:
-    """The displacements that follow, too, and the forces of all elements."""
-    u = elimination.displacements(outcome.u)
-    return replace(outcome, u=u, forces=whole.elements.product(u))
+def _solved(
+    model: Model,
+    assembled: Assembled,
+    whole: System,
+    elimination: Elimination | None,
+    options: Options,
+) -> Solution:
+    """The solution of a system, or of what constraints leave of it."""
+    system = whole
+    if elimination is not None:
+        assembled, system = reduced_system(model, assembled, whole, elimination)
+    plan = plan_solve(model, assembled, system, options)
+    options.clock.mark("choice")
+    outcome = solve_system(plan, model, assembled, system, options)
+    if elimination is not None:
+        u = elimination.displacements(outcome.u)
+        outcome = replace(outcome, u=u, forces=whole.elements.product(u))
+    return _solution(model, system, assembled.rows, outcome, plan, options.clock)
 
 
 def _system(model: Model, assembled: Assembled, formulations: Mapping[str, str]) -> System:
