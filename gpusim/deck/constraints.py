@@ -57,16 +57,12 @@ def read_tie(card: Card, content: InpContent, labelled: LabelledMesh) -> Equatio
     far = np.flatnonzero(~(distance <= closed))
     if far.size:
         label = content.nodes.shown(labelled.node_labels[nodes[far[0]]])
-        gap = distance[far[0]]
-        if not gap <= reach[far[0]]:
-            raise InputError(
-                f"{where}: node {label} lies off the surface {rows[0][1]}; got a distance of "
-                f"{gap:.3g}; expected every node of {rows[0][0]} on it"
-            )
-        raise InputError(
-            f"{where}: node {label} would have to be moved by {gap:.3g}; expected surfaces "
-            "that touch, or ADJUST=NO"
-        )
+        gap = f"{distance[far[0]]:.3g}"
+        what = f"would have to be moved by {gap}; expected surfaces that touch, or ADJUST=NO"
+        if not distance[far[0]] <= reach[far[0]]:
+            where_from = f"the surface {rows[0][1]}; got a distance of {gap}"
+            what = f"lies off {where_from}; expected every node of {rows[0][0]} on it"
+        raise InputError(f"{where}: node {label} {what}")
     return follow(faces, nodes, face, shares)
 
 

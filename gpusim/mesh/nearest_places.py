@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -62,11 +60,10 @@ def _candidates(faces: Faces, points: Float) -> tuple[Long, Float]:
         away.append(distance / 2.0**one)
         least.append(distance - 2.0**one)
     order = np.argsort(np.concatenate(away, axis=1), axis=1, kind="stable")
-
-    def nearest_first(parts: list[Any]) -> Any:
-        return np.take_along_axis(np.concatenate(parts, axis=1), order, axis=1).T
-
-    return nearest_first(found), nearest_first(least)
+    face, nearest = (
+        np.take_along_axis(np.concatenate(part, axis=1), order, axis=1).T for part in (found, least)
+    )
+    return face, nearest
 
 
 def nearest_places(faces: Faces, face: Long, points: Float) -> tuple[Float, Float, Float]:

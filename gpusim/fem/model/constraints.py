@@ -17,6 +17,7 @@ from scipy.sparse import coo_matrix, csr_matrix, eye, kron
 
 from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.errors import InputError
+from gpusim.fem.model.loads import node_numbers
 from gpusim.field_summary import field_summary
 from gpusim.mesh import Faces, Mesh
 from gpusim.mesh.nearest_places import nearest_on_surface
@@ -136,11 +137,12 @@ def tie(
     >>> level = {"z_min": 1.0, "z_max": 1.0}
     >>> joint = [gs.mesh.select_faces(both, bounds=level, normal=n) for n in ("+z", "-z")]
     >>> gs.fem.tie(both, *joint)
-    Equations(matrix=float64 (48, 102), right=float64 (48,))
+    Equations(matrix=float64 (48, 150), right=float64 (48,))
     """
     require(len(faces) > 0, "tie: no faces", "an empty selection", "at least one face")
     followed = faces.node_numbers()
-    following = np.setdiff1d(_node_numbers(mesh, nodes), followed)
+    given = nodes.node_numbers() if isinstance(nodes, Faces) else nodes
+    following = np.setdiff1d(node_numbers("tie: nodes", mesh, given), followed)
     require(len(following) > 0, "tie: nodes", "none beside those of the faces", "at least one")
     face, distance, shares = nearest_on_surface(faces, mesh.points[following])
     reach = NEAR * np.sqrt(faces.areas[face]) if tolerance is None else tolerance
@@ -166,17 +168,6 @@ def follow(faces: Faces, nodes: Long, face: Long, shares: Float) -> Equations:
     places = np.concatenate([number, row]), np.concatenate([nodes, others[row, slot]])
     by_node = coo_matrix((values, places), shape=(len(nodes), len(faces.points)))
     return Equations(csr_matrix(kron(by_node, eye(3))), np.zeros(3 * len(nodes)))
-
-
-def _node_numbers(mesh: Mesh, nodes: Faces | npt.ArrayLike) -> Long:
-    if isinstance(nodes, Faces):
-        return nodes.node_numbers().astype(np.int64)
-    numbers = np.asarray(nodes)
-    fits = numbers.ndim == 1 and numbers.dtype.kind in "iu"
-    require(fits, "tie: nodes", f"{numbers.shape} {numbers.dtype}", "(n,) whole numbers, or Faces")
-    known = bool(((numbers >= 0) & (numbers < mesh.node_count)).all())
-    require(known, "tie: nodes", numbers.tolist()[:8], f"numbers from 0 to {mesh.node_count - 1}")
-    return numbers.astype(np.int64)
 
 
 def checked_constraints(given: Any, unknowns: int) -> tuple[Equations, ...]:

@@ -100,13 +100,11 @@ def _check_parts(model: Model, lattice: Lattice | None) -> None:
         _check_body(model, np.flatnonzero(used))
         return
     node, part = _incidence(model.mesh, part_of_cell)
-    body_of_part = _connected(count, node, part)[count:]
+    body = _connected(count, node, part)[count:]
+    _, first, body = np.unique(body, return_index=True, return_inverse=True)
     # a body of very many parts is taken as one
-    crowded = np.bincount(body_of_part)[body_of_part] > _MOST_PARTS
-    first = np.unique(body_of_part, return_index=True)[1][
-        np.searchsorted(np.unique(body_of_part), body_of_part)
-    ]
-    part = np.where(crowded, first, np.arange(parts))[part]
+    crowded = np.bincount(body)[body] > _MOST_PARTS
+    part = np.where(crowded, first[body], np.arange(parts))[part]
     equations, _ = normalised_equations(model)
     # nodes of no cell that stand in equations are parts of their own
     loose = np.intersect1d(model.mesh.dangling_nodes, equations.indices // 3)
@@ -125,7 +123,8 @@ def _check_parts(model: Model, lattice: Lattice | None) -> None:
     for number in np.unique(group[node]):
         inside = group[node] == number
         members, local = np.unique(part[inside], return_inverse=True)
-        _check_body(model, node[inside], local, len(members), equations[group_of_row == number])
+        own = equations[group_of_row == number]
+        _check_body(model, node[inside], local, len(members), own if own.shape[0] else None)
 
 
 def _connected(count: int, node: Long, other: Long) -> Long:
@@ -210,8 +209,7 @@ def _check_body(
     matrix = np.concatenate(rows)
     gram = matrix.T @ matrix
     loose = np.zeros(parts, dtype=bool)
-    tied = equations is not None and equations.shape[0] > 0
-    if equations is not None and tied:
+    if equations is not None:
         loose[local[np.isin(node, model.mesh.dangling_nodes)]] = True
         place = np.zeros(model.mesh.node_count, dtype=np.int64)
         place[node] = local
@@ -232,7 +230,7 @@ def _check_body(
             "in one unit?)"
         )
     names = _names(free.reshape(parts, 6, -1)[solid], origin, length)
-    how = "are joined by constraints" if tied else "touch only along edges or at nodes"
+    how = "touch only along edges or at nodes" if equations is None else "are joined by constraints"
     where = "" if parts == 1 else f" (its {parts} parts {how})"
     raise InputError(
         f"supports: the body with {len(points)} nodes around "

@@ -94,7 +94,7 @@ def solve(
         check_supports(model, lattice)
         formulations = resolve_formulation(model, formulation)
         begin = _start(model, start)
-        numbering = None if lattice is not None else Numbering.of(model)
+        numbering, asked = None if lattice is not None else Numbering.of(model), model
         if numbering is not None:
             model = numbering.renumbered(model)
             begin = None if begin is None else numbering.forward(begin)
@@ -106,7 +106,7 @@ def solve(
         clock.mark("assembly")
         system = _system(model, assembled, formulations)
         solution = _solved(model, assembled, system, elimination, options)
-        return solution if numbering is None else numbering.back(solution)
+        return solution if numbering is None else replace(numbering.back(solution), model=asked)
 
 
 def _solved(
