@@ -17,9 +17,7 @@ from scipy.sparse import bsr_matrix, identity
 from gpusim.arrays.array_types import Float
 from gpusim.fem.assembly.assembly import Assembled
 from gpusim.fem.assembly.system import ElementForces, System, contrast, row_sum, size_of_loads
-from gpusim.fem.model.constraints import touched
 from gpusim.fem.model.elimination import Elimination
-from gpusim.fem.model.model import Model
 from gpusim.fem.sparse.block_rows import BlockRows, block_matrix, block_rows
 
 
@@ -38,16 +36,13 @@ def reduced_rows(rows: BlockRows, elimination: Elimination) -> BlockRows:
 
 
 def reduced_system(
-    model: Model, assembled: Assembled, system: System, elimination: Elimination
+    assembled: Assembled, system: System, elimination: Elimination
 ) -> tuple[Assembled, System]:
     """What solvers take in place of the whole ``system``: unknowns are v. Its elements aren't
     known, only their sum."""
     rows = reduced_rows(assembled.rows, elimination)
     given_up, scale = elimination.given_up, system.scale
-    assert model.fixed is not None
-    free = ~model.fixed & ~given_up
-    loose = model.mesh.dangling_nodes
-    free[loose] &= touched(model.constraints, free.shape)[loose]
+    free = (system.free | elimination.loose) & ~given_up
     prescribed = np.where(given_up, elimination.offset, system.prescribed)
 
     def apply(v: Float) -> Float:

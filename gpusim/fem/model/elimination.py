@@ -18,6 +18,7 @@ from scipy.sparse.csgraph import connected_components
 
 from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.errors import InputError
+from gpusim.fem.model.constraints import touched
 from gpusim.fem.model.model import Model
 from gpusim.validation import require
 
@@ -41,12 +42,14 @@ class Elimination:
     """u = ``matrix`` (3N,3N) v, where v is u but for the unknowns ``given_up`` (N,3): there it is
     what u differs by from the unknowns that it follows, ``offset`` (N,3).
 
-    Given up unknowns are to v as fixed ones are, with ``offset`` prescribed.
+    Given up unknowns are to v as fixed ones are, with ``offset`` prescribed. ``loose`` (N,3) are
+    those of nodes of no cell that equations move and no support holds.
     """
 
     matrix: csr_matrix
     given_up: Bool
     offset: Float
+    loose: Bool
 
     def displacements(self, v: Float) -> Float:
         """u (L,N,3) of v."""
@@ -100,13 +103,15 @@ def eliminate(model: Model) -> Elimination | None:
         spread = csr_matrix(place, shape=(size, len(one.rows))) @ one.inverse
         offset -= spread @ (equations @ offset - right[one.rows])
         share = share - spread @ (equations @ share)
-    stiff = given_up.reshape(shape).copy()
-    stiff[model.mesh.dangling_nodes] = False
+    dangling = model.mesh.dangling_nodes
+    loose, stiff = np.zeros(shape, dtype=bool), given_up.reshape(shape).copy()
+    stiff[dangling] = False
+    loose[dangling] = (touched(model.constraints, shape) & ~model.fixed)[dangling]
     fill = float((np.diff(share.indptr)[stiff.ravel()].astype(np.float64) ** 2).sum())
     expected = f"at most {_MOST_FILL:.0e} (do some hold thousands of displacements?)"
     require(fill <= _MOST_FILL, "constraints: terms in the stiffness", f"{fill:.0e}", expected)
     whole = csr_matrix(share + diags(given_up.astype(np.float64)))
-    return Elimination(whole, given_up.reshape(shape), offset.reshape(shape))
+    return Elimination(whole, given_up.reshape(shape), offset.reshape(shape), loose)
 
 
 def normalised_equations(model: Model) -> tuple[csr_matrix, Float]:

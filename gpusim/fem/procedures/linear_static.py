@@ -69,7 +69,8 @@ def solve(
     Raises
     ------
     InputError
-        A wrong argument; supports that leave a rigid-body motion free (named).
+        A wrong argument; supports and constraints that leave a rigid-body motion free (named), or
+        contradict each other.
     NotConverged
         Values that aren't finite, negative curvature, or a matrix that rounding made indefinite.
         Running out of iterations or stagnating isn't raised: ``Solution.converged`` tells it.
@@ -119,7 +120,7 @@ def _solved(
     """The solution of a system, or of what constraints leave of it."""
     system = whole
     if elimination is not None:
-        assembled, system = reduced_system(model, assembled, whole, elimination)
+        assembled, system = reduced_system(assembled, whole, elimination)
     plan = plan_solve(model, assembled, system, options)
     options.clock.mark("choice")
     outcome = solve_system(plan, model, assembled, system, options)

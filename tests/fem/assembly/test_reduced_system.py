@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gpusim.fem import Equations, Isotropic, Model, face_force, solve, stress, traction
+from benchmarks.solver.reference import reference_solution
+from benchmarks.stability.hard_bodies import bar
+from gpusim.fem import Equations, Isotropic, Model, face_force, solve, stress, tie, traction
 from gpusim.fem.assembly.assembly import assemble
 from gpusim.fem.assembly.reduced_system import reduced_rows
 from gpusim.fem.model.elimination import eliminate
@@ -175,3 +177,26 @@ def test_right_sides_pull_a_periodic_cell() -> None:
     for method in ("direct", "multigrid"):
         u = solve(model, backend="numpy", method=method, tolerance=1e-10).u
         np.testing.assert_allclose(u, mesh.points * [0.01, -0.0025, -0.0025], atol=1e-11)
+
+
+def test_a_tie_across_a_slender_bar_keeps_its_digits() -> None:
+    """Two halves whose meshes match, tied: what one bar does, a thousand times as long as thick."""
+    whole = bar((1000.0, 1.0, 0.7), (100, 1, 1))
+    wanted = reference_solution(whole, {"hex8": "incompatible"}).u
+    cut = np.flatnonzero(np.isclose(whole.mesh.points[:, 0], 500.0))
+    cells = whole.mesh.cells["hex8"].copy()
+    right = whole.mesh.points[cells].mean(axis=1)[:, 0] > 500.0
+    again = np.arange(whole.mesh.node_count)
+    again[cut] = whole.mesh.node_count + np.arange(len(cut))
+    cells[right] = again[cells[right]]
+    points = np.concatenate([whole.mesh.points, whole.mesh.points[cut]])
+    assert whole.fixed is not None
+    fixed, forces = np.zeros(points.shape, dtype=bool), np.zeros((2, *points.shape))
+    fixed[: len(whole.fixed)], forces[:, : len(whole.fixed)] = whole.fixed, whole.load_cases
+    mesh = Mesh(points, {"hex8": cells})
+    faces = select_faces(mesh, bounds={"x_min": 500.0, "x_max": 500.0}, normal="+x")
+    held = tie(mesh, faces, again[cut])
+    found = solve(Model(mesh, whole.materials, fixed, forces, constraints=[held]), backend="numpy")
+    for u, one in zip(found.u, wanted, strict=True):
+        error = np.abs(u[: len(whole.fixed)] - one).max() / np.abs(one).max()
+        assert error <= found.error_estimate <= 1e-6
