@@ -10,9 +10,8 @@ import pytest
 from benchmarks.solver.reference import reference_solution
 from benchmarks.stability.hard_bodies import bar
 from gpusim.deck import Deck, Step, load_deck
-from gpusim.deck.constrained import Equations, solve_constrained
 from gpusim.errors import InputError
-from gpusim.fem import Isotropic, Model, thermal
+from gpusim.fem import Equations, Isotropic, Model, solve, thermal
 from tests.support.deck_texts import FIXED, LABELS, MODEL, POINTS, deck, step, write
 
 EDGE = "*AMPLITUDE, NAME=OWN\n0., 0., 2., 4., 6., 5.\n"
@@ -210,7 +209,7 @@ def test_turned_axes_of_supports_and_forces(tmp_path: Path) -> None:
     assert force(found.steps[0], 22) == [0.0, 5.0, 0.0]
     assert found.steps[0].fixed[at(13)].tolist() == [False, True, False]
     assert found.steps[0].prescribed[at(13)].tolist() == [0.0, 0.5, 0.0]
-    assert found.steps[0].equations is None
+    assert found.steps[0].constraints == ()
     round_ = "*TRANSFORM, NSET=RIGHT, TYPE=C\n0., -3., 0., 0., -3., 1.\n"
     found = load(tmp_path, round_, step("*CLOAD", "22, 1, 5.", "22, 2, 1.", "16, 3, 2."))
     radial = np.array([6.0, 6.0, 0.0]) / np.sqrt(72.0)
@@ -361,8 +360,8 @@ def test_equations_along_a_slender_body_keep_its_digits() -> None:
     wanted = reference_solution(model, {"hex8": "incompatible"}).u[0]
     freed, last = np.array(model.fixed), int(np.flatnonzero(model.fixed[:, 0])[-1])
     freed[last] = False
-    own = Model(model.mesh, model.materials, freed, model.forces)
     held = Equations.build([([3 * last + k], [1.0], 0.0) for k in range(3)], freed.size)
-    found = solve_constrained(own, held, {"hex8": "incompatible"}, "bar")
+    own = Model(model.mesh, model.materials, freed, model.forces, constraints=[held])
+    found = solve(own, backend="numpy", tolerance=1e-8)
     error = np.abs(found.u - wanted).max() / np.abs(wanted).max()
     assert error <= found.error_estimate <= 1e-8

@@ -58,7 +58,7 @@ class SceneSolution:
         }
         return SceneSolution(
             tuple(_cases(s.u) for s in solutions),
-            tuple(_sums(s, own) for s, own in zip(solutions, held, strict=True)),
+            tuple(_sums(*one) for one in zip(solutions, models, held, strict=True)),
             tuple(model.load_cases.sum(axis=1) for model in models),
             sum(s.unknowns for s in solutions),
             worst.iterations,
@@ -135,12 +135,18 @@ def _cases(values: Float) -> Float:
     return values if values.ndim == 3 else values[None]
 
 
-def _sums(solution: Solution, held: Int) -> Float:
+def _sums(solution: Solution, model: Model, held: Int) -> Float:
     """(L,S,3) reactions added up over the degrees of freedom of each support.
 
     S ends with the last support that holds something.
     """
+    # whoever reads a solution from its file needs no solver
+    from gpusim.fem.model.elimination import eliminate
+
     reactions = _cases(solution.reactions)
+    if (resolved := eliminate(model)) is not None:
+        # what ties do to held nodes isn't the supports'
+        reactions = resolved.forces(reactions)
     count = int(held.max()) + 1
     sums = np.zeros((len(reactions), count, 3))
     for axis in range(3):
