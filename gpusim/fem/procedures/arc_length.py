@@ -72,14 +72,14 @@ def follow_path(
             equation.restore(begun)
             cuts, length = cuts + 1, 0.5 * length
             if cuts > _MOST_CUTS:
-                raise NotConverged(f"arc length at {s:.3g} of the load: {error}") from None
+                raise NotConverged(f"by arc length: {error}") from None
             continue
         u, s, before, cuts = u + du, s + ds, du, 0
         equation.commit(u)
         yield PathPoint(s, u, tuple(iterations))
         change = np.sqrt(_WANTED / len(iterations))
         length *= float(np.clip(change, 1.0 / _CHANGE, _CHANGE))
-    raise NotConverged(f"arc length: {_MOST_STEPS} steps ended at {s:.3g} of the load")
+    raise NotConverged(f"by arc length: got {_MOST_STEPS} steps; expected fewer")
 
 
 def _step(

@@ -52,11 +52,17 @@ def load_steps(
         try:
             _by_halving(equation, solver, stepping, controls)
         except NotConverged as error:
-            where = f"load step {number} of {len(targets)}, at {stepping.done:.3g} of it"
+            where = f"load step {number} of {len(targets)}"
             if equation.prescribed(target - begin).any() or not stepping.substeps:
-                raise NotConverged(f"{where}: {error}") from None
-            for point in _by_arc_length(equation, solver, stepping, controls):
-                yield _step(equation, stepping, stepping.path.factors(point.s), wanted=False)
+                message = f"{where}, at {stepping.done:.3g} of it: {error}"
+                raise NotConverged(message) from None
+            try:
+                for point in _by_arc_length(equation, solver, stepping, controls):
+                    yield _step(equation, stepping, stepping.path.factors(point.s), wanted=False)
+                    stepping.iterations, stepping.substeps = [], 0
+            except NotConverged as lost:
+                message = f"{where}, at {stepping.done:.3g} of it: {lost}"
+                raise NotConverged(message) from None
         yield _step(equation, stepping, target, wanted=True)
         u, begin = stepping.u, target
 
