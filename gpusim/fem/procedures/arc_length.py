@@ -101,19 +101,19 @@ def _step(
     du = ds * load
     equation.advance(u, du, foretell=False)
     done: list[Iteration] = []
-    last = float(np.abs(du).max())
+    steps = [float(np.abs(du).max())]
     while len(done) < _MOST:
         residual, load, info = _solved(equation, solver, path, u + du, s + ds, controls)
         share = _root(du, residual, load, length)
         step = residual + share * load
         equation.advance(u + du, step, foretell=False)
         du, ds = du + step, ds + share
-        size, moved = float(np.abs(step).max()), float(np.abs(u + du).max())
-        error = error_left(size, last, controls.forcing) / moved
-        done.append(Iteration(size / moved, info[0], info[1], info[2], error))
+        steps.append(float(np.abs(step).max()))
+        moved = max(float(np.abs(u + du).max()), float(np.abs(u).max()))
+        error = error_left(steps, controls.forcing) / moved
+        done.append(Iteration(steps[-1] / moved, info[0], info[1], info[2], error))
         if error <= controls.tolerance:
             return du, ds, done
-        last = size
     raise NotConverged(
         f"got steps of {done[-1].step:.2g} of the displacement after {_MOST} iterations"
     )
