@@ -71,9 +71,13 @@ if _typing.TYPE_CHECKING:
     from gpusim.errors import OutOfDeviceMemory as OutOfDeviceMemory
     from gpusim.errors import SceneError as SceneError
     from gpusim.errors import TwinMismatch as TwinMismatch
+    from gpusim.fem import J2 as J2
+    from gpusim.fem import Hencky as Hencky
     from gpusim.fem import Isotropic as Isotropic
     from gpusim.fem import Model as Model
+    from gpusim.fem import NeoHookean as NeoHookean
     from gpusim.fem import Orthotropic as Orthotropic
+    from gpusim.fem import SaintVenantKirchhoff as SaintVenantKirchhoff
     from gpusim.fem import Solution as Solution
     from gpusim.field import Field as Field
     from gpusim.field import read_field as read_field
@@ -127,7 +131,9 @@ _HOMES = {
         "DeviceError DeviceLost GpusimError InputError NoAdapter NotConverged "
         "OutOfDeviceMemory SceneError TwinMismatch"
     ),
-    "gpusim.fem": "Isotropic Model Orthotropic Solution",
+    "gpusim.fem": (
+        "Hencky Isotropic J2 Model NeoHookean Orthotropic SaintVenantKirchhoff Solution"
+    ),
     "gpusim.field": "Field read_field",
     "gpusim.files.frame_source": "FrameSource read_frames",
     "gpusim.gpu": "Device",

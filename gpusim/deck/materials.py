@@ -11,7 +11,7 @@ from scipy.linalg import block_diag
 from gpusim.arrays.array_types import Float, Int
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Material
-from gpusim.fem.model.material import strain_rotation
+from gpusim.fem.materials.symmetric_tensors import strain_rotation
 from gpusim.mesh import Mesh
 from gpusim.mesh.file_content.coordinate_systems import Frame
 from gpusim.mesh.formats.abaqus.cards import Card, Names, number

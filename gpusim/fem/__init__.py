@@ -2,9 +2,11 @@
 
 In the order in which data passes:
 
+- `materials`: Laws: stress of strain and history at the points of elements.
 - `elements`: Formulations and their rules (shape functions are in `gpusim.mesh`), stiffness,
   strain.
-- `model`: Material, supports, loads, and the solution.
+- `materials`: Laws: stress and moduli from strain and history, a file each.
+- `model`: Supports, loads, and the solution.
 - `sparse`: Matrices of 3x3 blocks, and their products.
 - `lattice`: Rectilinear bricks, whose rows repeat.
 - `assembly`: From elements to a matrix of 3x3 blocks, and its system.
@@ -21,6 +23,14 @@ In the order in which data passes:
 from __future__ import annotations
 
 from gpusim.fem.linear.solve_plan import METHODS
+from gpusim.fem.materials.hardening import Voce
+from gpusim.fem.materials.hencky import Hencky
+from gpusim.fem.materials.isotropic import Isotropic
+from gpusim.fem.materials.j2 import J2
+from gpusim.fem.materials.law import Law, Material, Update
+from gpusim.fem.materials.neo_hookean import NeoHookean
+from gpusim.fem.materials.orthotropic import Orthotropic
+from gpusim.fem.materials.saint_venant_kirchhoff import SaintVenantKirchhoff
 from gpusim.fem.model.following_loads import FollowerPressure
 from gpusim.fem.model.loads import (
     body_force,
@@ -32,7 +42,6 @@ from gpusim.fem.model.loads import (
     traction,
 )
 from gpusim.fem.model.mass import lumped_mass, mass_matrix
-from gpusim.fem.model.material import Isotropic, Material, Orthotropic
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.solution import LoadStep, Solution
 from gpusim.fem.model.supports import symmetry
@@ -41,15 +50,22 @@ from gpusim.fem.procedures.statics import solve
 from gpusim.fem.recovery.stress import Stress, principal, stress, von_mises
 
 __all__ = [
+    "J2",
     "METHODS",
     "FollowerPressure",
+    "Hencky",
     "Isotropic",
+    "Law",
     "LoadStep",
     "Material",
     "Model",
+    "NeoHookean",
     "Orthotropic",
+    "SaintVenantKirchhoff",
     "Solution",
     "Stress",
+    "Update",
+    "Voce",
     "body_force",
     "centrifugal",
     "face_force",

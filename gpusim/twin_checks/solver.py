@@ -21,7 +21,7 @@ from gpusim.fem.device.tet_elements import TetElements, TetTexels, tet_elements
 from gpusim.fem.device.tet_forces import DeviceTets, apply_tets, element_forces
 from gpusim.fem.device.tet_forces_single import SingleForces
 from gpusim.fem.krylov.cg import DeviceCG, NumpyCG, _BlockJacobi
-from gpusim.fem.model.material import Isotropic
+from gpusim.fem.materials.isotropic import Isotropic
 from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.multigrid.smoothers import Relaxation
 from gpusim.fem.sparse.block_rows import BlockRows, invert_blocks

@@ -22,7 +22,8 @@ from scipy.sparse import csr_matrix
 from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.fem.elements.element_matrix import volume_gradients
 from gpusim.fem.lattice.lattice import CORNERS, Lattice
-from gpusim.fem.model.material import Isotropic, Material
+from gpusim.fem.materials.isotropic import Isotropic
+from gpusim.fem.materials.law import Material
 from gpusim.fem.model.model import Model
 
 # Poisson's ratio that is left to A, and the ratio of bulk to shear modulus (10 at nu = 0.45) from

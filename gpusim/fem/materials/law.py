@@ -1,48 +1,87 @@
-"""What an element asks of a material: stress, moduli and new state of strain and old state."""
+"""What a model asks of a material, and what an element asks of a law."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from gpusim.arrays.array_types import Float
+from gpusim.field_summary import field_summary
+
+
+@runtime_checkable
+class Material(Protocol):
+    """What a model asks of a material; all in global axes and any consistent units.
+
+    Examples
+    --------
+    >>> isinstance(gs.Isotropic(210e9, 0.3), gs.fem.Material)
+    True
+    """
+
+    @property
+    def density(self) -> float:
+        """Mass per volume, >= 0."""
+
+    def stiffness(self) -> Float:
+        """(6,6) stress over strain, order xx yy zz xy yz zx, engineering shear strains."""
+
+    def expansion_strain(self) -> Float:
+        """(6,) free strain per unit of temperature change, same order."""
 
 
 @dataclass(frozen=True, eq=False)
 class Update:
-    """What a law answers at many points.
+    """What a law answers at some points.
 
-    stress : (…,6) second Piola-Kirchhoff, order xx yy zz xy yz zx.
-    moduli : (…,6,6), or (6,6) where they are the same everywhere: dS/dE, symmetric, engineering
-        shear; None where not asked for.
-    state : (…,n) new state, None where the law has none (n = 0).
+    Parameters
+    ----------
+    stress : (…,6) second Piola-Kirchhoff stress.
+    moduli : (…,6,6), or (6,6) where they are the same everywhere: the derivative of the stress
+        by the strain, symmetric. None where they weren't asked for.
+    state : (…,n) the new state; None where the law has none.
+
+    Examples
+    --------
+    >>> update = gs.Isotropic(210e9, 0.3).update(np.zeros((8, 6)), None, moduli=True)
+    >>> update.stress.shape, update.moduli.shape, update.state
+    ((8, 6), (6, 6), None)
     """
 
     stress: Float
     moduli: Float | None
     state: Float | None
+    __repr__ = field_summary
 
 
-class Law(Protocol):
-    """A material as elements see it.
+@runtime_checkable
+class Law(Material, Protocol):
+    """A material whose stress follows from its strain and its history.
 
-    state_size : n doubles a point; 0: without history.
-    finite_strain : False: linear elastic, answered by the corotational element; True: total
-        Lagrangian.
+    A new law is one class in one file: these members, with constants checked when it is made.
+    Strains are Green-Lagrange's, components xx yy zz xy yz zx with engineering shear, stresses
+    second Piola-Kirchhoff's, both last in arrays of any shape; so a law is objective whatever it
+    computes. It works on all points at once and changes no array that it is given: Newton asks
+    again from the same state until a step has converged, and several threads ask at once.
+
+    A strain that the law can't answer raises NotConverged, and the step is cut back. A law in
+    logarithmic strain takes `LogarithmicStrain` for the way there and back, as `J2` does.
+
+    Examples
+    --------
+    >>> isinstance(gs.Isotropic(210e9, 0.3), gs.fem.Law)
+    True
     """
 
-    density: float
-    state_size: int
-    finite_strain: bool
+    @property
+    def state_size(self) -> int:
+        """Numbers of history at each point, zero at rest; 0: the law has no history."""
 
-    def stiffness(self) -> Float:
-        """(6,6) stress over strain at rest."""
-        ...
-
-    def expansion_strain(self) -> Float:
-        """(6,) free strain per unit of temperature change."""
-        ...
+    @property
+    def finite_strain(self) -> bool:
+        """Whether it holds for any strain. Without, elements take its strain in axes that turn
+        with them, as for linear elasticity."""
 
     def update(self, strain: Float, state: Float | None, *, moduli: bool) -> Update:
-        """Answer to Green-Lagrange strain (…,6), engineering shear."""
-        ...
+        """Stress, moduli if wanted and new state at a Green-Lagrange strain (…,6), from the state
+        (…,n) at the end of the last step."""

@@ -1,8 +1,7 @@
-"""The model: material, supports, loads, and the solution.
+"""The model: supports, loads, and the solution.
 
 In the order in which data passes:
 
-- `material`: Materials: linear elasticity with thermal expansion.
 - `following_loads`: Loads that go with the deformed body: their forces, and what displacements
   change of them.
 - `model`: The model: mesh, materials, supports, loads and formulations.

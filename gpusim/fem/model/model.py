@@ -11,8 +11,8 @@ import numpy as np
 from gpusim.arrays.array_types import Bool, Float, Int
 from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS
+from gpusim.fem.materials.law import Material
 from gpusim.fem.model.following_loads import FollowerPressure
-from gpusim.fem.model.material import Material
 from gpusim.field_summary import field_summary
 from gpusim.mesh import Mesh
 from gpusim.validation import as_float64, require, require_one_of, unmasked

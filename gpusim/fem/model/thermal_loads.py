@@ -11,7 +11,7 @@ from gpusim.arrays.array_types import Float, Int
 from gpusim.fem.elements.element import ELEMENTS, Rule
 from gpusim.fem.elements.isoparametric_map import add_to
 from gpusim.fem.elements.strain import internal_force, point_stress
-from gpusim.fem.model.material import Material
+from gpusim.fem.materials.law import Material
 from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.mesh import CELL_TYPES, Mesh
 from gpusim.mesh.shape_functions import shape_functions

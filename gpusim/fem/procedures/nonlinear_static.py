@@ -7,9 +7,11 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.element_responses import element_responses
-from gpusim.fem.assembly.equation import Equation
+from gpusim.fem.assembly.equation import Equation, portions
+from gpusim.fem.elements.corotational import Corotational
 from gpusim.fem.linear.solve_plan import Options
 from gpusim.fem.linear.tangent_solver import TangentSolver
+from gpusim.fem.materials.law import Law
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.solution import LoadStep, Solution
 from gpusim.fem.procedures.load_steps import load_steps
@@ -17,6 +19,8 @@ from gpusim.fem.procedures.newton import Controls
 
 # relative accuracy of linear solutions where all laws are elastic, and where points flow
 _FORCING, _PLASTIC_FORCING = 1e-4, 1e-2
+# up to which strains by length and by Green-Lagrange are the same within a per cent
+_SMALL_STRAIN = 0.02
 
 
 def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution:
@@ -29,7 +33,9 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
     equation = Equation(model, responses)
     options.clock.mark("elements")
     solver = TangentSolver(equation, options)
-    controls = Controls(options.tolerance, _FORCING, True, options.progress)
+    history = any(isinstance(law, Law) and law.state_size for law in model.materials)
+    forcing = _PLASTIC_FORCING if history else _FORCING
+    controls = Controls(options.tolerance, forcing, not history, options.progress)
     steps: list[LoadStep] = []
     message = "converged"
     try:
@@ -54,7 +60,7 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
         external_work=np.array([work]),
         unknowns=int(equation.free.sum()),
         message=message,
-        warnings=(),
+        warnings=_warnings(equation, last.u),
         timings=options.clock.timings,
         method="newton",
         backend="numpy",
@@ -64,6 +70,25 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
         reasons=reasons,
         model=model,
         steps=tuple(steps),
+    )
+
+
+def _warnings(equation: Equation, u: Float) -> tuple[str, ...]:
+    """Where elements for small strain are strained more than they are made for."""
+    strains = [
+        response.strain_extent(which, u)
+        for response in equation.responses
+        if isinstance(response, Corotational)
+        for which in portions(response.cells)
+    ]
+    strain = np.concatenate(strains) if strains else np.zeros(1)
+    beyond = int((strain > _SMALL_STRAIN).sum())
+    if not beyond:
+        return ()
+    return (
+        f"{beyond} cells are strained by up to {strain.max():.2%}: linear elastic laws are meant "
+        f"for {_SMALL_STRAIN:.0%} at most (SaintVenantKirchhoff, Hencky and NeoHookean hold "
+        "beyond)",
     )
 
 

@@ -1,16 +1,19 @@
-"""Materials: linear elasticity with thermal expansion."""
+"""Linear orthotropic elasticity."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
-from gpusim.validation import is_number, real_numbers, require
+from gpusim.fem.materials.constants import FROM_ZERO, constant
+from gpusim.fem.materials.linear_elasticity import LinearElasticity
+from gpusim.fem.materials.symmetric_tensors import strain_rotation
+from gpusim.validation import real_numbers, require
 
 Triple = tuple[float, float, float]
 
@@ -18,77 +21,8 @@ Triple = tuple[float, float, float]
 _SHEAR = ((0, 1), (1, 2), (2, 0))
 
 
-@runtime_checkable
-class Material(Protocol):
-    """What a model asks of a material; all in global axes and any consistent units.
-
-    Examples
-    --------
-    >>> isinstance(gs.Isotropic(210e9, 0.3), gs.fem.Material)
-    True
-    """
-
-    @property
-    def density(self) -> float:
-        """Mass per volume, >= 0."""
-
-    def stiffness(self) -> Float:
-        """(6,6) stress over strain, order xx yy zz xy yz zx, engineering shear strains."""
-
-    def expansion_strain(self) -> Float:
-        """(6,) free strain per unit of temperature change, same order."""
-
-
 @dataclass(frozen=True)
-class Isotropic:
-    """Linear isotropic elasticity, in any consistent units.
-
-    ``E`` Young's modulus > 0, ``nu`` Poisson's ratio in (-1, 0.5), ``density`` >= 0 (needed for
-    gravity, rotation and mass), ``expansion`` linear thermal expansion per unit of temperature.
-    Raises InputError outside these ranges.
-
-    Examples
-    --------
-    >>> steel = gs.Isotropic(E=210e9, nu=0.3, density=7850.0)
-    >>> steel.stiffness().shape
-    (6, 6)
-    """
-
-    finite_strain: ClassVar[bool] = False
-    state_size: ClassVar[int] = 0
-    E: float
-    nu: float
-    density: float = 0.0
-    expansion: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name, expected, good in (
-            ("E", " > 0", lambda value: value > 0.0),
-            ("nu", " in (-1, 0.5)", lambda value: -1.0 < value < 0.5),
-            ("density", " >= 0", lambda value: value >= 0.0),
-            ("expansion", "", lambda value: True),
-        ):
-            value = _number(getattr(self, name), f"Isotropic: {name}", expected)
-            require(good(value), f"Isotropic: {name} out of range", value, f"a number{expected}")
-            object.__setattr__(self, name, value)
-
-    def stiffness(self) -> Float:
-        """(6,6) stress over strain, order xx yy zz xy yz zx, engineering shear strains."""
-        lame = self.E * self.nu / ((1.0 + self.nu) * (1.0 - 2.0 * self.nu))
-        shear = 0.5 * self.E / (1.0 + self.nu)
-        matrix = np.zeros((6, 6))
-        matrix[:3, :3] = lame
-        matrix[np.arange(3), np.arange(3)] += 2.0 * shear
-        matrix[np.arange(3, 6), np.arange(3, 6)] = shear
-        return matrix
-
-    def expansion_strain(self) -> Float:
-        """(6,) free strain per unit of temperature change: ``expansion`` in xx, yy, zz."""
-        return np.array([self.expansion] * 3 + [0.0] * 3)
-
-
-@dataclass(frozen=True)
-class Orthotropic:
+class Orthotropic(LinearElasticity):
     """Linear orthotropic elasticity, in any consistent units.
 
     Parameters
@@ -115,8 +49,6 @@ class Orthotropic:
     (1.0, 0.0, 0.0)
     """
 
-    finite_strain: ClassVar[bool] = False
-    state_size: ClassVar[int] = 0
     E: Triple
     nu: Triple
     G: Triple
@@ -133,8 +65,7 @@ class Orthotropic:
             require(good, what, repr(given), f"three numbers {expected}".rstrip())
             assert values is not None
             object.__setattr__(self, name, tuple(values.tolist()))
-        density = _number(self.density, "Orthotropic: density", " >= 0")
-        require(density >= 0.0, "Orthotropic: density out of range", density, "a number >= 0")
+        density = constant(self.density, "Orthotropic: density", FROM_ZERO)
         object.__setattr__(self, "density", density)
         object.__setattr__(self, "axes", _rotation(self.axes))
         _check_definite(self.E, self.nu)
@@ -157,33 +88,6 @@ class Orthotropic:
         strain = axes.T @ np.diag(self.expansion) @ axes
         shear = [2.0 * strain[i, j] for i, j in _SHEAR]
         return np.array([*np.diag(strain), *shear])
-
-
-def strain_rotation(axes: Float) -> Float:
-    """(6,6) T with strain along ``axes`` (rows) = T strain in global axes (engineering shear).
-
-    e'_ij = a_ik a_jl e_kl. Stress turns with the inverse transpose, stiffness as T^t C T.
-    """
-    pairs = ((0, 0), (1, 1), (2, 2), *_SHEAR)
-    matrix = np.empty((6, 6))
-    for row, (i, j) in enumerate(pairs):
-        for column, (k, m) in enumerate(pairs):
-            value = axes[i, k] * axes[j, m]
-            if k != m:
-                value = 0.5 * (value + axes[i, m] * axes[j, k])
-            matrix[row, column] = value if row < 3 else 2.0 * value
-    return matrix
-
-
-def _number(value: Any, what: str, expected: str) -> float:
-    """A finite number. Raises InputError for anything else, an array of one number included."""
-    require(is_number(value), what, repr(value), f"a number{expected}")
-    try:
-        number = float(value)
-    except OverflowError:  # a whole number of more than 308 digits
-        number = np.inf
-    require(np.isfinite(number), f"{what} out of range", number, f"a number{expected}")
-    return number
 
 
 def _numbers(value: Any, shape: tuple[int, ...]) -> Float | None:

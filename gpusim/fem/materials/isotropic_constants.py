@@ -1,0 +1,52 @@
+"""Constants of isotropic materials: two of elasticity, density, thermal expansion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gpusim.arrays.array_types import Float
+from gpusim.fem.materials.constants import ANY, FROM_ZERO, POISSON, POSITIVE, constant
+
+
+@dataclass(frozen=True)
+class IsotropicConstants:
+    """What every isotropic law is at rest. Raises InputError for constants out of range."""
+
+    E: float
+    nu: float
+    density: float = 0.0
+    expansion: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, rule in (
+            ("E", POSITIVE),
+            ("nu", POISSON),
+            ("density", FROM_ZERO),
+            ("expansion", ANY),
+        ):
+            value = constant(getattr(self, name), f"{type(self).__name__}: {name}", rule)
+            object.__setattr__(self, name, value)
+
+    @property
+    def lame(self) -> float:
+        """Lamé's first constant lambda."""
+        return self.E * self.nu / ((1.0 + self.nu) * (1.0 - 2.0 * self.nu))
+
+    @property
+    def shear(self) -> float:
+        """Shear modulus mu."""
+        return 0.5 * self.E / (1.0 + self.nu)
+
+    def stiffness(self) -> Float:
+        """(6,6) stress over strain, order xx yy zz xy yz zx, engineering shear strains."""
+        matrix = np.zeros((6, 6))
+        matrix[:3, :3] = self.lame
+        matrix[np.arange(3), np.arange(3)] += 2.0 * self.shear
+        matrix[np.arange(3, 6), np.arange(3, 6)] = self.shear
+        return matrix
+
+    def expansion_strain(self) -> Float:
+        """(6,) free strain per unit of temperature change: ``expansion`` in xx, yy, zz."""
+        return np.array([self.expansion] * 3 + [0.0] * 3)
