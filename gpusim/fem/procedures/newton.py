@@ -45,12 +45,13 @@ class Equilibrium:
 @dataclass(frozen=True)
 class Controls:
     """``tolerance`` of the displacements in equilibrium, relative; ``forcing``: that of each linear
-    solution; ``foretell``: first with foretold stresses; ``progress`` is called with (iterations,
-    estimated error)."""
+    solution; ``foretell``: first with foretold stresses; ``stable``: an equilibrium whose tangent is
+    indefinite is none; ``progress`` is called with (iterations, estimated error)."""
 
     tolerance: float
     forcing: float
     foretell: bool
+    stable: bool
     progress: Callable[[int, float], None] | None = None
 
 
@@ -113,6 +114,8 @@ def _iterated(
         if controls.progress is not None:
             controls.progress(len(done), error)
         if error <= controls.tolerance or step <= _ROUNDING * size:
+            if controls.stable and not found.definite:
+                raise NotConverged("got an equilibrium that isn't stable; expected a stable one")
             return Equilibrium(u, tuple(done))
     raise NotConverged(
         f"got steps of {done[-1].step:.2g} of the displacement after {most} iterations; "
