@@ -142,12 +142,14 @@ class Equation:
         return total
 
     def linearised(self, u: Float, factors: Float, want: Want = Want.TANGENT) -> Tangent:
-        """Residual forces and the tangent at ``u``, or the tangent's material part."""
+        """Residual forces and the tangent at ``u``, or the tangent's material part, which is
+        definite: without the stiffness of loads."""
         self._warm(factors)
         for elements in self._elements:
             elements.u, elements.want = u, want
         for case, faces in self._pressed:
-            faces.points, faces.factor = self.model.mesh.points + u, float(factors[case])
+            faces.points = self.model.mesh.points + u
+            faces.factor = 0.0 if want is Want.MATERIAL else float(factors[case])
         rows = self._graph.fill(self._filling)
         residual = self.external(u, factors)
         for elements in self._elements:

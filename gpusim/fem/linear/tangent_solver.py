@@ -74,9 +74,12 @@ class TangentSolver:
             self._solver.follow(assembled, system)
             outcome = _tried(self._solver, system, options)
         if outcome is None and self._indefinite is not tangent:
-            self._taken = tangent.u
+            # until it has the new matrix it has none that fits
+            self._taken = None
             try:
-                outcome = _tried(self._updated(assembled, system, points), system, options)
+                solver = self._updated(assembled, system, points)
+                self._taken = tangent.u
+                outcome = _tried(solver, system, options)
             except NotConverged:
                 outcome = None
         if outcome is None:

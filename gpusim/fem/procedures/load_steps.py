@@ -4,7 +4,7 @@ arc length past limit points."""
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -42,23 +42,32 @@ def load_steps(
     equation: Equation, solver: TangentSolver, targets: Float, controls: Controls
 ) -> Iterator[LoadStep]:
     """Equilibria at ``targets`` (K,L), each from the one before, and those on the way that were
-    found by arc length.
+    found by arc length. They are stable, unless there is no way around: a step that leads to one
+    that isn't may have left the path that the body would take.
 
     Raises NotConverged where none is found: what has been yielded stays right.
     """
     u, begin = np.zeros_like(equation.model.mesh.points), np.zeros(targets.shape[1])
+    any_end, wanted = replace(controls, stable=False), controls
     for number, target in enumerate(targets, start=1):
         stepping = _Stepping(LoadPath(begin, target), u)
         try:
-            _by_halving(equation, solver, stepping, controls)
-        except NotConverged as error:
-            where = f"load step {number} of {len(targets)}, at {stepping.done:.3g} of it"
-            if equation.prescribed(target - begin).any() or not stepping.substeps:
-                raise NotConverged(f"{where}: {error}") from None
-            for point in _by_arc_length(equation, solver, stepping, controls):
-                yield _step(equation, stepping, stepping.path.factors(point.s), wanted=False)
-        yield _step(equation, stepping, target, wanted=True)
+            _by_halving(equation, solver, stepping, wanted)
+        except NotConverged:
+            try:
+                if equation.prescribed(target - begin).any() or not stepping.substeps:
+                    _by_halving(equation, solver, stepping, any_end)
+                else:
+                    for point in _by_arc_length(equation, solver, stepping, any_end):
+                        yield _step(equation, stepping, stepping.path.factors(point.s), False)
+                        stepping.iterations, stepping.substeps = [], 0
+            except NotConverged as last:
+                where = f"load step {number} of {len(targets)}, at {stepping.done:.3g} of it"
+                raise NotConverged(f"{where}: {last}") from None
+        yield _step(equation, stepping, target, True)
         u, begin = stepping.u, target
+        # no stable way leads on from where a body isn't
+        wanted = controls if stepping.iterations[-1].definite else any_end
 
 
 def _by_halving(

@@ -35,7 +35,8 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
     solver = TangentSolver(equation, options)
     history = any(isinstance(law, Law) and law.state_size for law in model.materials)
     forcing = _PLASTIC_FORCING if history else _FORCING
-    controls = Controls(options.tolerance, forcing, not history, options.progress)
+    # loads that follow have a symmetric stiffness in part only, which tells nothing of stability
+    controls = Controls(options.tolerance, forcing, not history, not model.loads, options.progress)
     steps: list[LoadStep] = []
     message = "converged"
     try:
@@ -60,7 +61,7 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
         external_work=np.array([work]),
         unknowns=int(equation.free.sum()),
         message=message,
-        warnings=_warnings(equation, last.u),
+        warnings=(*_strain_warning(equation, last.u), *_stability_warning(controls, steps)),
         timings=options.clock.timings,
         method="newton",
         backend="numpy",
@@ -73,7 +74,19 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
     )
 
 
-def _warnings(equation: Equation, u: Float) -> tuple[str, ...]:
+def _stability_warning(controls: Controls, steps: list[LoadStep]) -> tuple[str, ...]:
+    """Wanted steps that end where a body wouldn't stay."""
+    wanted = [step for step in steps if step.wanted]
+    loose = [n for n, step in enumerate(wanted, 1) if not step.iterations[-1].definite]
+    if not loose or not controls.stable:
+        return ()
+    return (
+        f"{len(loose)} load steps, first number {loose[0]}, end in an equilibrium that isn't "
+        "stable: the body would buckle (a small imperfection of mesh or load shows where to)",
+    )
+
+
+def _strain_warning(equation: Equation, u: Float) -> tuple[str, ...]:
     """Where elements for small strain are strained more than they are made for."""
     strains = [
         response.strain_extent(which, u)

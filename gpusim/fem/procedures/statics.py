@@ -173,7 +173,10 @@ def _targets(model: Model, factors: npt.ArrayLike | None) -> Float:
     """(K,L) factors of the load cases, step by step."""
     cases = len(model.load_cases)
     given = np.asarray([1.0] if factors is None else factors)
-    expected = "(K,) numbers" if cases == 1 else f"(K, {cases}): how load cases add up in each step"
+    expected = "(K,) finite numbers, K >= 1"
+    if cases > 1:
+        expected = f"(K, {cases}) finite numbers, K >= 1: how load cases add up in each step"
+    require(given.size > 0, "solve: factors", "none", expected)
     shapes = [(len(given), cases)] if given.ndim else [(1,)]
     if cases == 1 and given.ndim == 1:
         shapes = [given.shape]
