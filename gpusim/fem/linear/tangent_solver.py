@@ -10,6 +10,7 @@ from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.assembly import Assembled
 from gpusim.fem.assembly.equation import Equation, Tangent
+from gpusim.fem.assembly.reduced_system import reduced_system
 from gpusim.fem.assembly.system import System, finest_product, scaled_system
 from gpusim.fem.elements.element_response import Want
 from gpusim.fem.krylov.minimum_residual import minimum_residual
@@ -42,10 +43,7 @@ class TangentSolver:
     """
 
     def __init__(self, equation: Equation, options: Options) -> None:
-        self._equation, self._options = (
-            equation,
-            replace(options, backend="numpy"),
-        )
+        self._equation, self._options = equation, replace(options, backend="numpy")
         self._solver: DirectSolver | MultigridSolver | None = None
         # where the nodes were when the solver took its matrix; None: it was another one's
         self._taken: Float | None = None
@@ -63,10 +61,9 @@ class TangentSolver:
         Raises NotConverged where that can't be had.
         """
         points = self._equation.model.mesh.points + tangent.u
-        assembled = tangent.assembled
-        system = scaled_system(assembled, points, self._equation.free, forces, given)
+        assembled, system = self._system(tangent, forces, given)
         if not system.right.any():
-            return Correction(given.copy(), 0, True)
+            return self._whole(system.prescribed, 0, True)
         options = replace(self._options, tolerance=forcing, start=None, progress=None)
         outcome = None
         if self._taken is not None and _near(tangent.u, self._taken):
@@ -83,8 +80,27 @@ class TangentSolver:
             except NotConverged:
                 outcome = None
         if outcome is None:
-            return self._by_minimum_residual(tangent, system, forcing)
-        return Correction(outcome.u, outcome.iterations, True)
+            return self._by_minimum_residual(tangent, (forces, given), forcing)
+        return self._whole(outcome.u, outcome.iterations, True)
+
+    def _system(self, tangent: Tangent, forces: Float, given: Float) -> tuple[Assembled, System]:
+        """What is solved, less what constraints give up."""
+        equation, elimination = self._equation, self._equation.elimination
+        points = equation.model.mesh.points + tangent.u
+        supports = np.where(equation.free, 0.0, given)
+        system = scaled_system(tangent.assembled, points, equation.free, forces, supports)
+        if elimination is None:
+            return tangent.assembled, system
+        offset = np.where(elimination.given_up, given[0], 0.0)
+        return reduced_system(tangent.assembled, system, replace(elimination, offset=offset))
+
+    def _whole(self, u: Float, iterations: int, definite: bool) -> Correction:
+        """With the displacements that constraints gave up."""
+        elimination = self._equation.elimination
+        du = np.broadcast_to(u, (len(u), *self._equation.free.shape))
+        return Correction(
+            du if elimination is None else elimination.displacements(du), iterations, definite
+        )
 
     def _updated(
         self, assembled: Assembled, system: System, points: Float
@@ -101,31 +117,32 @@ class TangentSolver:
             self._solver.update(assembled, system, points)
         return self._solver
 
-    def _by_minimum_residual(self, tangent: Tangent, system: System, forcing: float) -> Correction:
-        points = self._equation.model.mesh.points + tangent.u
+    def _by_minimum_residual(
+        self, tangent: Tangent, right: tuple[Float, Float], forcing: float
+    ) -> Correction:
+        assembled, system = self._system(tangent, *right)
         if self._indefinite is not tangent:
+            points = self._equation.model.mesh.points + tangent.u
             material = self._equation.linearised(tangent.u, tangent.factors, Want.MATERIAL)
-            self._definite = scaled_system(
-                material.assembled, points, system.free, system.loads, system.prescribed
-            )
-            self._updated(material.assembled, self._definite, points)
+            definite, self._definite = self._system(material, *right)
+            self._updated(definite, self._definite, points)
             self._taken, self._indefinite = None, tangent
         solver, unit = self._solver, self._definite.scale / system.scale
         assert solver is not None
-        product, free = finest_product(tangent.assembled.rows, system), system.free.ravel()
+        product, free = finest_product(assembled.rows, system), system.free.ravel()
         steps, iterations = [], 0
-        for right in system.right.reshape(len(system.right), -1):
+        for force in system.right.reshape(len(system.right), -1):
             step, count = minimum_residual(
                 lambda v: np.where(free, product(v[None])[0], 0.0),
                 lambda r: solver.apply(r[None])[0] / unit,
-                right,
+                force,
                 forcing,
             )
             steps.append(step)
             iterations += count
         size = (system.load_scale / system.scale)[:, None, None]
         du = np.stack(steps).reshape(system.right.shape) * size
-        return Correction(np.where(system.free, du, system.prescribed), iterations, False)
+        return self._whole(np.where(system.free, du, system.prescribed), iterations, False)
 
 
 def _near(u: Float, taken: Float) -> bool:

@@ -133,7 +133,7 @@ def _solved(
     load = equation.external(u, path.target - path.begin)
     forces = np.stack([tangent.residual, load])
     found = solver.correction(tangent, forces, np.zeros_like(forces), controls.forcing)
-    free = np.where(equation.free, tangent.residual, 0.0)
+    free = equation.unbalanced(tangent.residual)
     relative = float(np.abs(free).max() / max(np.abs(tangent.residual).max(), np.abs(load).max()))
     return found.du[0], found.du[1], (relative, found.iterations, found.definite)
 

@@ -45,8 +45,8 @@ class Equilibrium:
 @dataclass(frozen=True)
 class Controls:
     """``tolerance`` of the displacements in equilibrium, relative; ``forcing``: that of each linear
-    solution; ``foretell``: first with foretold stresses; ``stable``: an equilibrium whose tangent is
-    indefinite is none; ``progress`` is called with (iterations, estimated error)."""
+    solution; ``foretell``: first with foretold stresses; ``stable``: an equilibrium whose tangent
+    is indefinite is none; ``progress`` is called with (iterations, estimated error)."""
 
     tolerance: float
     forcing: float
@@ -84,9 +84,7 @@ def _iterated(
     foretell: bool,
     most: int,
 ) -> Equilibrium:
-    fixed = ~equation.free
     extent = float(np.ptp(equation.model.mesh.points, axis=0).max())
-    target = equation.prescribed(factors)
     done: list[Iteration] = []
     equation.forget_foretold()
     # a body that is unloaded comes back to nothing: errors are told of where it was
@@ -94,7 +92,7 @@ def _iterated(
     steps: list[float] = []
     while len(done) < most:
         tangent = equation.linearised(u, factors)
-        given = np.where(fixed, target - u, 0.0)
+        given = equation.missing(u, factors)
         found = solver.correction(tangent, tangent.residual[None], given[None], controls.forcing)
         du = found.du[0]
         equation.advance(u, du, foretell)
@@ -135,7 +133,6 @@ def error_left(steps: Sequence[float], forcing: float) -> float:
 
 def _relative(residual: Float, equation: Equation, u: Float, factors: Float) -> float:
     """The residual on free unknowns over the forces that act."""
-    free = np.where(equation.free, residual, 0.0)
     acting = np.abs(equation.external(u, factors)).max()
     size = float(max(acting, np.abs(residual).max()))
-    return float(np.abs(free).max()) / size if size > 0.0 else 0.0
+    return float(np.abs(equation.unbalanced(residual)).max()) / size if size > 0.0 else 0.0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -115,3 +117,25 @@ def test_nothing_to_correct_takes_no_work() -> None:
     tangent = equation.linearised(zero[0], np.ones(1))
     found = solver.correction(tangent, zero, zero, 1e-8)
     assert found.iterations == 0 and not found.du.any() and solver.plan is None
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("strain", [0.0, 0.6])
+def test_constraints_hold_in_corrections(method: str, strain: float) -> None:
+    plain = bar()
+    mesh, random = plain.model.mesh, np.random.default_rng(1)
+    end = np.flatnonzero(np.isclose(mesh.points[:, 0], 4.0))
+    # nodes of the end keep their distance along x from the first one, which differs by 0.3
+    rows = [([(node, "x", 1.0), (end[0], "x", -1.0)], 0.3) for node in end[1:]]
+    held = replace(plain.model, constraints=[gs.fem.equations(mesh, rows)])
+    equation = Equation(held, element_responses(held, {"hex8": "incompatible"}))
+    u = pressed(equation, strain)
+    tangent = equation.linearised(u, np.ones(1))
+    force = random.normal(size=(1, *mesh.points.shape))
+    given = equation.missing(u, np.ones(1))[None]
+    du = tangent_solver(equation, method).correction(tangent, force, given, 1e-9).du[0]
+    assert np.abs((u + du)[end[1:], 0] - (u + du)[end[0], 0] - 0.3).max() <= 1e-9
+    left = force[0] - (block_matrix(tangent.assembled.rows) @ du.ravel()).reshape(-1, 3)
+    assert np.abs(equation.unbalanced(left)).max() <= 1e-6 * np.abs(force).max()
+    # forces of constraints are in balance among themselves
+    assert abs(left[end, 0].sum()) <= 1e-6 * np.abs(force).max()
