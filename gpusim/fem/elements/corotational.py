@@ -50,7 +50,7 @@ class CellFrame:
     """Chosen cells and the rotation of each.
 
     gradient : (m,k,3) G of the nodes at the centre.
-    rotation : (m,3,3) R, and ``turn`` R - 1.
+    rotation : (m,3,3) R.
     position : (m,k,3) y = R^T x, relative to the first node; ``strained`` d of it (m,3k).
     spin : (m,3,3k) of the cell by turned motion of the nodes; ``resistance`` (m,3,3) what maps
         moments to it, the inverse of (tr U - U).
@@ -224,10 +224,8 @@ def _balanced(frame: CellFrame, force: Float) -> tuple[Float, Float]:
     by_node = force.reshape(frame.position.shape)
     moment = np.matmul(force[:, None], _skew(frame.position))
     couple = np.matmul(frame.resistance, -moment.swapaxes(1, 2))[..., 0]
-    # G_a x n
-    return by_node + np.matmul(_skew(frame.gradient), couple[..., None]).reshape(
-        by_node.shape
-    ), couple
+    crossed: Float = np.matmul(_skew(frame.gradient), couple[..., None])
+    return by_node + crossed.reshape(by_node.shape), couple
 
 
 def _geometric(frame: CellFrame, force: Float, by_spin: Float) -> tuple[Float, Float]:

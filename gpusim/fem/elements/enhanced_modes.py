@@ -2,8 +2,8 @@
 
 F = F_u + F_0 sum_c h_c (x) a_c with the modes' gradients h_c of the linear element (Taylor,
 Beresford & Wilson 1976) and F_0 at the cell's centre (Glaser & Armero, Eng. Comput. 14 (1997)
-759). It is the linear element where motion is small, and pressure softens no mode. (With F_u + sum_c a_c (x) h_c
-it does: cells a times as long as thick buckle at a strain of 1/a^2.)
+759). It is the linear element where motion is small, and pressure softens no mode. (It does with
+F_u + sum_c a_c (x) h_c: cells a times as long as thick buckle at a strain of 1/a^2.)
 
 Modes are eliminated from the tangent and move with each global step. Solving for them inside each
 element is far less robust.
@@ -171,10 +171,8 @@ class EnhancedModes(TotalLagrangian):
         outer = sums.reshape(count, nodes, 3, 3, 3).swapaxes(2, 3)
         turned = point_sums(times(motion.gradient, weighted), motion.mode_gradients)
         turned = turned.transpose(0, 3, 1, 2, 4).reshape(count, 3, 27)
-        turning = np.matmul(motion.centre_gradient, turned)
-        return inner.reshape(count, 9, 9), turning.reshape(count, -1, 9) + outer.reshape(
-            count, -1, 9
-        )
+        turning = np.matmul(motion.centre_gradient, turned).reshape(count, -1, 9)
+        return inner.reshape(count, 9, 9), turning + outer.reshape(turning.shape)
 
     def _solved(self, inner: Float, right: Float) -> Float:
         """The modes' motion, with the sign changed, by the columns of ``right``."""
