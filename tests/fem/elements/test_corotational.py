@@ -116,7 +116,7 @@ def test_stress_of_a_bent_strip_is_the_beams() -> None:
     stress = np.sort(values.piola[..., 0], axis=1)
     expected = np.repeat([chord - bending, chord + bending], 4)
     np.testing.assert_allclose(stress - expected, 0.0, atol=2e-4 * bending)
-    assert np.abs(values.piola[..., 1:]).max() <= 0.01 * bending
+    assert np.abs(values.piola[..., 1:]).max() <= 0.05 * bending
     axis = angle.reshape(2, 2, count + 1)[0, 0]
     middle = 0.5 * (axis[1:] + axis[:-1])
     tangent = np.stack([np.cos(middle), 0.0 * middle, np.sin(middle)], axis=1)
