@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
-from gpusim.fem.elements.element import Rule
 from gpusim.fem.elements.isoparametric_map import times
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
@@ -56,14 +55,10 @@ def tensor(stress: Float) -> Float:
     return result
 
 
-def components(matrix: Float) -> Float:
-    """(…,6) of symmetric (3,3,…)."""
-    return np.stack([matrix[i, j] for i, j in PAIRS], axis=-1)
-
-
 def pushed_forward(gradient: Float, stress: Float) -> Float:
     """(…,6) F S F^T of gradients F (3,3,…) and stresses (…,6)."""
-    return components(times(times(gradient, tensor(stress)), gradient.swapaxes(0, 1)))
+    pushed = times(times(gradient, tensor(stress)), gradient.swapaxes(0, 1))
+    return np.stack([pushed[i, j] for i, j in PAIRS], axis=-1)
 
 
 def point_matrices(matrix: Float) -> Float:
@@ -120,6 +115,12 @@ def node_rows(gradient: Float) -> Float:
     return np.ascontiguousarray(tall).reshape(*tall.shape[:-2], -1)
 
 
+def at_nodes(gradient: Float, flux: Float) -> Float:
+    """(M,3k) forces of fluxes (M,Q,J,i), with gradients as of ``stiffness_of``."""
+    forces: Float = np.matmul(node_rows(gradient), flux.reshape(len(flux), -1, 3))
+    return forces.reshape(len(flux), -1)
+
+
 def stiffness_of(moduli: Float, gradient: Float) -> Float:
     """(M,3k,3k) of [J,i,k,L] at points, with gradients (Q,3,k) or (M,Q,3,k) of the nodes."""
     count, points = moduli.shape[:2]
@@ -134,11 +135,6 @@ def stiffness_of(moduli: Float, gradient: Float) -> Float:
 def _order(nodes: int) -> npt.NDArray[np.intp]:
     """Where the entries (a,i,b,k) are in (a,i,k,b)."""
     return np.arange(9 * nodes * nodes).reshape(nodes, 3, 3, nodes).swapaxes(2, 3).ravel()
-
-
-def reference_shapes(rule: Rule) -> Float:
-    """(Q,3,k) gradients of a rule's shape functions, contiguous."""
-    return np.ascontiguousarray(rule.gradient.transpose(0, 2, 1))
 
 
 def largest_principal_strain(strain: Float) -> Float:

@@ -16,9 +16,9 @@ from gpusim.fem.elements.element_response import Want, require_upright
 from gpusim.fem.elements.finite_strain import (
     IDENTITY,
     add_geometric,
+    at_nodes,
     green_lagrange,
     material_part,
-    node_rows,
     point_matrices,
     point_rows,
     stiffness_of,
@@ -48,16 +48,10 @@ class MeanDilatation(TotalLagrangian):
     def response(self, which: Long, u: Float, want: Want) -> tuple[Float, Float | None]:
         """See `ElementResponse`."""
         motion = self._motion(which, u)
-        update = self._update(which, motion.strain, want is not Want.FORCES)
-        nodes, spatial = node_rows(self.shapes), point_matrices(motion.spatial)
-
-        def at_nodes(values: Float) -> Float:
-            """(m,3k) of [J,i] at points."""
-            by_node: Float = np.matmul(nodes, values.reshape(len(which), -1, 3))
-            return by_node.reshape(len(which), -1)
-
+        update = self._try(which, motion.strain, want is not Want.FORCES)
+        spatial = point_matrices(motion.spatial)
         flux, pressure, excess = self._volumetric(motion, update.stress)
-        forces = at_nodes(flux + (excess / 3.0)[..., None, None] * spatial)
+        forces = at_nodes(self.shapes, flux + (excess / 3.0)[..., None, None] * spatial)
         if want is Want.FORCES:
             return forces, None
         assert update.moduli is not None
@@ -72,13 +66,13 @@ class MeanDilatation(TotalLagrangian):
         mixed = np.matmul(point_rows(rows).swapaxes(2, 3), stress).reshape(spatial.shape)
         twice = (by_mean[..., None] * stress).sum(axis=(1, 2, 3))
         if want is Want.TANGENT:
-            foretold = self._foretold.instead_of(update.stress, which)
+            foretold = self._or_foretold(update.stress, which)
             flux, pressure, excess = self._volumetric(motion, foretold)
             self._add_geometric(moduli, motion, foretold)
             mixed += (2.0 / 3.0) * flux - (2.0 / 9.0) * pressure[..., None, None] * spatial
             twice -= pressure.sum(axis=1) / 9.0
-        mean = at_nodes(motion.share[..., None, None] * spatial)
-        half = at_nodes(mixed) + 0.5 * twice[:, None] * mean
+        mean = at_nodes(self.shapes, motion.share[..., None, None] * spatial)
+        half = at_nodes(self.shapes, mixed) + 0.5 * twice[:, None] * mean
         outer = half[:, :, None] * mean[:, None]
         return forces, stiffness_of(moduli, self.shapes) + outer + outer.swapaxes(1, 2)
 
@@ -113,14 +107,18 @@ class MeanDilatation(TotalLagrangian):
         flux, pressure, excess = self._volumetric(motion, stress)
         square = (motion.stretch**2)[..., None, None]
         add_geometric(moduli, square * self._flux(motion, motion.geometry.back, stress))
-        spatial = point_matrices(motion.spatial)
-        turned = spatial.swapaxes(2, 3)
+        spatial, half = point_matrices(motion.spatial), flux * (-2.0 / 3.0)
         factor = (excess / 3.0 + pressure * (5.0 / 9.0))[..., None, None]
-        right = (factor * spatial - (2.0 / 3.0) * flux).swapaxes(2, 3)
-        moduli += spatial[..., None, None] * right[:, :, None, None]
-        moduli -= (2.0 / 3.0) * flux[..., None, None] * turned[:, :, None, None]
-        crossed = (excess / -3.0)[..., None, None, None, None] * spatial[:, :, :, None, :, None]
-        moduli += crossed * turned[:, :, None, :, None, :]
+        # products of two of [J,i] with [k,L]
+        left = np.stack([spatial, half], axis=-1).reshape(*pressure.shape, 9, 2)
+        right = np.stack([half + factor * spatial, spatial], axis=2).swapaxes(3, 4)
+        moduli += np.matmul(left, right.reshape(*pressure.shape, 2, 9)).reshape(moduli.shape)
+        crossed = (excess / -3.0)[..., None, None] * spatial
+        for i in range(3):
+            for k in range(3):
+                # spatial_Jk spatial_Li
+                outer = crossed[:, :, :, k, None] * spatial[:, :, None, :, i]
+                moduli[:, :, :, i, k, :] += outer
 
     def _slope_change(self, which: Long, motion: PointMotion, step: Float) -> Float:
         assert isinstance(motion, MeanMotion)

@@ -37,12 +37,9 @@ class Law(Protocol):
 
     def stiffness(self) -> Float:
         """(6,6) stress over strain at rest."""
-        ...
 
     def expansion_strain(self) -> Float:
         """(6,) free strain per unit of temperature change."""
-        ...
 
     def update(self, strain: Float, state: Float | None, *, moduli: bool) -> Update:
         """Answer to Green-Lagrange strain (…,6), engineering shear."""
-        ...
