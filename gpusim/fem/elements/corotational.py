@@ -24,10 +24,11 @@ from gpusim.fem.elements.element_response import (
     require_upright,
 )
 from gpusim.fem.elements.finite_strain import (
+    green_lagrange,
     pushed_forward,
-    strain_change,
+    tensor,
 )
-from gpusim.fem.elements.isoparametric_map import determinant, inverse, reference_gradient, times
+from gpusim.fem.elements.isoparametric_map import determinant, inverse, times
 from gpusim.fem.elements.polar_rotation import polar_rotation
 from gpusim.fem.elements.strain import internal_force, point_stress
 
@@ -106,17 +107,13 @@ class Corotational(ElementResponse):
 
     def point_values(self, which: Long, u: Float) -> PointValues:
         """See `ElementResponse`. Stress in the cell's frame is taken for second Piola-Kirchhoff
-        stress; the strain is what belongs to it, with the quadratic part of the nodes' motion."""
+        stress; the strain is that of the stretch that belongs to it."""
         frame, block = self._frame(which, u), self.block
         stress, volume = self._point_stress(which, frame.strained)
-        nodes = block.relative(block.points, which)
-        jacobian = reference_gradient(nodes, block.rule)
-        slope = reference_gradient(frame.strained.reshape(nodes.shape), block.rule)
-        slope = times(slope, inverse(jacobian, determinant(jacobian)))
         strain = stress @ np.linalg.inv(block.law.stiffness())
-        strain += 0.5 * strain_change(slope, slope)
         if self._free_strain is not None:
             strain += self._free_strain[which]
+        strain = green_lagrange(tensor(strain * [1.0, 1.0, 1.0, 0.5, 0.5, 0.5]))
         rotation = frame.rotation.transpose(1, 2, 0)[..., None]
         return PointValues(pushed_forward(rotation, stress), stress, strain, volume)
 

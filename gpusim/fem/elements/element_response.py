@@ -13,7 +13,7 @@ from enum import Enum, auto
 
 import numpy as np
 
-from gpusim.arrays.array_types import Float, Int, Long
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.errors import NotConverged, require
 from gpusim.fem.elements.element import ELEMENTS, Rule
 from gpusim.fem.elements.finite_strain import largest_principal_strain
@@ -51,7 +51,7 @@ class ElementBlock:
     free_strain: Float | None = None
 
     def __post_init__(self) -> None:
-        good = (volumes(self.points[self.cells], self.rule) > 0.0).all(axis=1)
+        good: Bool = np.all(volumes(self.points[self.cells], self.rule) > 0.0, axis=1)
         what = f"{self.name}: cells inverted at a quadrature point"
         expected = "positive volume everywhere (see mesh_quality)"
         require(bool(good.all()), what, f"{(~good).sum()} of {len(good)}", expected)

@@ -119,11 +119,9 @@ class EnhancedModes(TotalLagrangian):
         modes = back.swapaxes(0, 1)[..., None] * amplitude * (det[:, None] / geometry.det)
         mode_slope = times(modes, _by_component(self._modes[which]))
         slope = self._slope(geometry, nodal) + times(of_centre, mode_slope)
-        plain = self._moved(geometry, slope)
-        return ModeMotion(
-            geometry, slope, plain.gradient, plain.strain,
-            mode_slope, modes, times(of_centre, modes), gradient,
-        )  # fmt: skip
+        plain = vars(self._moved(geometry, slope))
+        return ModeMotion(**plain, mode_slope=mode_slope, mode_gradients=modes,
+                          moved=times(of_centre, modes), centre_gradient=gradient)  # fmt: skip
 
     def _moved_shapes(self, motion: ModeMotion) -> Float:
         """(m,Q,3,k) slopes by motion of the nodes, which moves F_0 too."""

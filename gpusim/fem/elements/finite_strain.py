@@ -140,16 +140,7 @@ def _order(nodes: int) -> npt.NDArray[np.intp]:
 def largest_principal_strain(strain: Float) -> Float:
     """(m,) largest size of a principal Biot strain at the points of cells, of Green-Lagrange
     strains (m,Q,6)."""
-    axial, shear = strain[..., :3], 0.5 * strain[..., 3:]
-    mean = axial.mean(axis=-1)
-    a, b, c = np.moveaxis(axial - mean[..., None], -1, 0)
-    xy, yz, zx = np.moveaxis(shear, -1, 0)
-    size = np.sqrt((a * a + b * b + c * c + 2.0 * (xy * xy + yz * yz + zx * zx)) / 6.0)
-    scale = np.where(size > 0.0, size, 1.0)
-    a, b, c, xy, yz, zx = (one / scale for one in (a, b, c, xy, yz, zx))
-    det = a * (b * c - yz * yz) - xy * (xy * c - yz * zx) + zx * (xy * yz - b * zx)
-    angle = np.arccos(np.clip(0.5 * det, -1.0, 1.0)) / 3.0
-    ends = [mean + 2.0 * size * np.cos(angle + turn) for turn in (0.0, 2.0 * np.pi / 3.0)]
+    values = np.linalg.eigvalsh(tensor(strain * [1.0, 1.0, 1.0, 0.5, 0.5, 0.5]).T)
     # 1 + 2 E is a square: below zero by rounding alone
-    biot = [2.0 * e / (1.0 + np.sqrt(np.maximum(1.0 + 2.0 * e, 0.0))) for e in ends]
+    biot = np.sqrt(np.maximum(1.0 + 2.0 * values, 0.0)) - 1.0
     return np.asarray(np.abs(biot).max(axis=(0, 2)))

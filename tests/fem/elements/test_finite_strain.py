@@ -48,7 +48,7 @@ def test_the_largest_principal_strain_is_that_of_the_stretch(size: float) -> Non
     singular = np.linalg.svd(gradient, compute_uv=False)
     expected = np.abs(singular - 1.0).max(axis=(1, 2))
     found = largest_principal_strain(green_lagrange(slope))
-    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=3e-16)
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=3e-16)
 
 
 def test_equal_stretches_and_none() -> None:
