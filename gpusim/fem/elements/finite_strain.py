@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
-from gpusim.fem.elements.element import Rule
 from gpusim.fem.elements.isoparametric_map import times
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
@@ -56,14 +55,10 @@ def tensor(stress: Float) -> Float:
     return result
 
 
-def components(matrix: Float) -> Float:
-    """(…,6) of symmetric (3,3,…)."""
-    return np.stack([matrix[i, j] for i, j in PAIRS], axis=-1)
-
-
 def pushed_forward(gradient: Float, stress: Float) -> Float:
     """(…,6) F S F^T of gradients F (3,3,…) and stresses (…,6)."""
-    return components(times(times(gradient, tensor(stress)), gradient.swapaxes(0, 1)))
+    pushed = times(times(gradient, tensor(stress)), gradient.swapaxes(0, 1))
+    return np.stack([pushed[i, j] for i, j in PAIRS], axis=-1)
 
 
 def point_matrices(matrix: Float) -> Float:
@@ -120,6 +115,12 @@ def node_rows(gradient: Float) -> Float:
     return np.ascontiguousarray(tall).reshape(*tall.shape[:-2], -1)
 
 
+def at_nodes(gradient: Float, flux: Float) -> Float:
+    """(M,3k) forces of fluxes (M,Q,J,i), with gradients as of ``stiffness_of``."""
+    forces: Float = np.matmul(node_rows(gradient), flux.reshape(len(flux), -1, 3))
+    return forces.reshape(len(flux), -1)
+
+
 def stiffness_of(moduli: Float, gradient: Float) -> Float:
     """(M,3k,3k) of [J,i,k,L] at points, with gradients (Q,3,k) or (M,Q,3,k) of the nodes."""
     count, points = moduli.shape[:2]
@@ -136,24 +137,10 @@ def _order(nodes: int) -> npt.NDArray[np.intp]:
     return np.arange(9 * nodes * nodes).reshape(nodes, 3, 3, nodes).swapaxes(2, 3).ravel()
 
 
-def reference_shapes(rule: Rule) -> Float:
-    """(Q,3,k) gradients of a rule's shape functions, contiguous."""
-    return np.ascontiguousarray(rule.gradient.transpose(0, 2, 1))
-
-
 def largest_principal_strain(strain: Float) -> Float:
     """(m,) largest size of a principal Biot strain at the points of cells, of Green-Lagrange
     strains (m,Q,6)."""
-    axial, shear = strain[..., :3], 0.5 * strain[..., 3:]
-    mean = axial.mean(axis=-1)
-    a, b, c = np.moveaxis(axial - mean[..., None], -1, 0)
-    xy, yz, zx = np.moveaxis(shear, -1, 0)
-    size = np.sqrt((a * a + b * b + c * c + 2.0 * (xy * xy + yz * yz + zx * zx)) / 6.0)
-    scale = np.where(size > 0.0, size, 1.0)
-    a, b, c, xy, yz, zx = (one / scale for one in (a, b, c, xy, yz, zx))
-    det = a * (b * c - yz * yz) - xy * (xy * c - yz * zx) + zx * (xy * yz - b * zx)
-    angle = np.arccos(np.clip(0.5 * det, -1.0, 1.0)) / 3.0
-    ends = [mean + 2.0 * size * np.cos(angle + turn) for turn in (0.0, 2.0 * np.pi / 3.0)]
+    values = np.linalg.eigvalsh(tensor(strain * [1.0, 1.0, 1.0, 0.5, 0.5, 0.5]).T)
     # 1 + 2 E is a square: below zero by rounding alone
-    biot = [2.0 * e / (1.0 + np.sqrt(np.maximum(1.0 + 2.0 * e, 0.0))) for e in ends]
+    biot = np.sqrt(np.maximum(1.0 + 2.0 * values, 0.0)) - 1.0
     return np.asarray(np.abs(biot).max(axis=(0, 2)))
