@@ -214,8 +214,10 @@ class Equation:
         for one, kept in zip(self.responses, internal, strict=True):
             one.restore(kept)
 
-    def commit(self, u: Float) -> None:
+    def commit(self, u: Float, factors: Float) -> None:
         """A step has ended at ``u``: what its points have been through is their history."""
+        if any(one.block.law.state_size for one in self.responses):
+            self.internal(u, factors)
         for one in self.responses:
             one.commit(u)
 

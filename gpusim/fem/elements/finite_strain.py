@@ -17,6 +17,7 @@ from gpusim.fem.elements.isoparametric_map import times
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
 """The axes of a component xx yy zz xy yz zx."""
 IDENTITY = np.eye(3)[..., None, None]
+_LEAST_STIFFNESS = 1e-3
 
 
 def green_lagrange(slope: Float) -> Float:
@@ -59,6 +60,16 @@ def pushed_forward(gradient: Float, stress: Float) -> Float:
     """(…,6) F S F^T of gradients F (3,3,…) and stresses (…,6)."""
     pushed = times(times(gradient, tensor(stress)), gradient.swapaxes(0, 1))
     return np.stack([pushed[i, j] for i, j in PAIRS], axis=-1)
+
+
+def definite(moduli: Float) -> Float:
+    """Moduli (…,6,6) without directions in which they aren't positive: eigenvalues of at least a
+    thousandth of the greatest."""
+    values, vectors = np.linalg.eigh(moduli)
+    if (values[..., 0] > _LEAST_STIFFNESS * values[..., -1]).all():
+        return moduli
+    values = np.maximum(values, _LEAST_STIFFNESS * values[..., -1:])
+    return np.asarray(np.matmul(vectors * values[..., None, :], vectors.swapaxes(-1, -2)))
 
 
 def point_matrices(matrix: Float) -> Float:
