@@ -128,6 +128,10 @@ class SaddleCG:
         """The displacements of this run so far, (L,3N)."""
         return self._x[0].copy()
 
+    def preconditioned(self) -> Float:
+        """The displacements of z, (L,3N)."""
+        return self._z1
+
     def keep(self) -> None:
         """The correction has been added to the solution: its pressures count from now on."""
         self._known = self._known + self._c * self._x[1] - self._volumes(self._x[0])
