@@ -23,9 +23,11 @@ z = M^-1 r is what the preconditioner sees of the error, and its energy is sqrt(
 its softness s = ||z|| / sqrt(mu r.z), and t, that of the last step, tell of the error's. Where s is
 more than t, softer motions come up than steps went along so far, and still softer ones may follow:
 
-    ||e|| ~ 4 max(t, s^2 / t) sqrt(r.z / mu)
+    ||e|| ~ 2.5 max(t, s^2 / t) sqrt(r.z / mu)
 
-with the root mean square or the greatest displacement, whichever is more beside that of u.
+with the root mean square or the greatest displacement, whichever is more beside that of u. A load
+that moves the body as it is soft tells of all of that; one that doesn't, as a pull along a plate,
+leaves the bound.
 
 Conjugate gradients tell mu by their Ritz values as far as the right-hand side holds its mode, and a
 load may hold next to nothing of it, though it decides the displacement: a thin plate that is pulled
@@ -59,8 +61,9 @@ _FIRST = 10
 _RITZ, _RAYLEIGH = 2.0, 1.5
 # a Ritz value lies slightly above the eigenvalue that the bounds ask for
 BELOW = 0.9
-# how much more than by its softness an error may be: 3.6 times on thin plates that are pulled along
-_SHARP = 4.0
+# how much more than by its softness an error may be (1.6 was the most on 200 bodies), and how much
+# less than the softest mode a load may move a body that is to tell of it
+_SHARP, _FELT = 2.5, 2.0
 # a run goes this far at least: after a few steps Ritz values tell little, and steps
 LOOSEST = 1e-3
 # a Ritz value below which the preconditioner is poor, and iterations per decimal beyond which it
@@ -196,10 +199,12 @@ def probe(system: System, loop: Any, most: int, first: int = _FIRST, ritz: float
 @dataclass(frozen=True)
 class Norm:
     """The norm of the stopping rule, the sum of squares: ``lowest`` is the least eigenvalue of K';
-    ``sought``: soft modes have been looked for already, as ``probe`` does."""
+    ``sought``: soft modes have been looked for already, as ``probe`` does; ``share``: of the energy
+    of K' that the loop's own is sure to hold."""
 
     lowest: float
     sought: bool = False
+    share: float = 1.0
 
 
 class Estimates:
@@ -210,7 +215,7 @@ class Estimates:
         self.mu = np.full(len(system.right), np.inf)
         self.settled = np.ones(len(system.right), dtype=bool)
         self.given = system.prescribed * (system.scale / system.load_scale)[:, None, None]
-        self.lowest, self.probed = norm.lowest, False
+        self.lowest, self.probed = norm.lowest * norm.share, False
         # what a start was off by, where nothing sharper came to be known
         self.floor = np.zeros(len(system.right))
         # softness of the last step, where one has been looked at
@@ -243,10 +248,15 @@ class Estimates:
         sharp = [energy_bound(history[:, case], mu[case]) for case in range(len(mu))]
         return np.array(sharp), np.sqrt(np.maximum(history[-1, :, 0] * history[-1, :, 2], 0.0) / mu)
 
-    def follow(self, step: Float, line: Float, total: Float) -> None:
-        """The last step (L,N,3), with its ``line`` (L,4) of the history, led to ``total``."""
-        softness = self._softness(step, np.sqrt(np.maximum(line[:, 0] * line[:, 1], 0.0)), total)
-        self._last = np.where(np.isfinite(softness), softness, self._last)
+    def follow(self, step: Float, correction: Float, history: Float, total: Float) -> None:
+        """The last step (L,N,3) of a run has led to this correction, and to ``total``."""
+        work = history[:, :, 0] * history[:, :, 1]
+        softness = self._softness(step, np.sqrt(np.maximum(work[-1], 0.0)), total)
+        # ||x_k||_A^2 is the sum of alpha r.z
+        energy = np.sqrt(self.norm.share * np.maximum(work.sum(axis=0), 0.0))
+        felt = self.over(energy, extent(correction, even=False)) <= _FELT
+        # a case at rest took no step
+        self._last = np.where(work[-1] > 0.0, np.where(felt, softness, np.inf), self._last)
 
     def by_softness(self, rz: Float, loop: Any, total: Float, enough: float) -> Float:
         """Estimates (L,) by the softness of what is left to ``total``; infinite where there may be

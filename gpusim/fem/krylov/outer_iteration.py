@@ -222,16 +222,17 @@ class _Refinement:
         history, estimate, what to state).
 
         It ends where the sharp bound is at ``aim``, and the plain one by r.z, which is stated, at
-        ``enough``: another run for the rest would begin anew; or where that is enough by the
-        softness of what is left. Where supports are moved, or
-        there is a start, a first one must have come far for its own correction, too: beside a far
-        motion, or a start that is nearly right, any correction is small, and its Ritz values would
-        tell nothing of the soft modes. Cases that are known to be ``near`` (L,) needn't.
+        ``enough``, or the softness of what is left says so: another run for the rest would begin
+        anew. Where supports are moved, or there is a start, a first one must have come far for its
+        own correction, too: beside a far motion, or a start that is nearly right, any correction is
+        small, and its Ritz values would tell nothing of the soft modes. Cases that are known to be
+        ``near`` (L,) needn't.
         """
         loop, state, x, most = self._loop, self._state, self._x, self._most - self.iterations
         history = np.zeros((0, len(rz), 4))
         moved = state.given.any(axis=(1, 2)) | x.any(axis=(1, 2))
-        fresh = ~np.isfinite(state.mu) & moved & ~near
+        told = np.isfinite(state.mu)
+        fresh = ~told & moved & ~near
         active = rz > 0.0
         estimate = np.where(active, np.inf, 0.0)
         stated = estimate.copy()
@@ -256,14 +257,13 @@ class _Refinement:
             stated = np.where(active, state.over(by_residual, size), stated)
             far = state.over(energy, extent(correction, even=False)) <= LOOSEST
             done = (estimate <= aim) & (stated <= enough)
-            if (active & far & ~done).any():
-                state.follow(correction - before, history[-1], total)
-                softness = state.by_softness(
-                    history[-1, :, 0] * history[-1, :, 2], loop, total, enough
-                )
-                estimate = np.where(active & far, np.minimum(estimate, softness), estimate)
-                stated = np.where(active & far, np.minimum(stated, softness), stated)
-                done |= far & (softness <= enough)
+            if (active & (far | told) & ~done).any():
+                state.follow(correction - before, correction, history, total)
+                rz = history[-1, :, 0] * history[-1, :, 2]
+                softness = state.by_softness(rz, loop, total, enough)
+                softness = np.where(active & (far | told), softness, np.inf)
+                estimate, stated = np.minimum(estimate, softness), np.minimum(stated, softness)
+                done |= softness <= enough
             active &= ~(done & (far | ~fresh))
             if self._progress is not None:
                 self._progress(self.iterations + len(history), float(estimate.max()))
