@@ -225,7 +225,7 @@ def plan_solve(model: Model, assembled: Assembled, system: System, options: Opti
     elif stiff:
         reasons["material"] = (
             "nearly incompressible: displacements alone, as pressures go with mean-dilatation "
-            "bricks ('bbar')"
+            "bricks ('bbar') without constraints"
         )
     if uneven_stiffness:
         reasons["stiffness"] = (

@@ -55,11 +55,9 @@ class Elimination:
         """u (L,N,3) of v."""
         return np.asarray((self.matrix @ v.reshape(len(v), -1).T).T.reshape(v.shape))
 
-    def forces(self, forces: Float) -> Float:
+    def forces(self, f: Float) -> Float:
         """What forces (L,N,3) on u do to v."""
-        return np.asarray((self.matrix.T @ forces.reshape(len(forces), -1).T).T).reshape(
-            forces.shape
-        )
+        return np.asarray((self.matrix.T @ f.reshape(len(f), -1).T).T.reshape(f.shape))
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,9 +150,7 @@ def _own_unknowns(rows: csr_matrix, share: float) -> Long:
     largest factor: of several the one with the largest; -1 where there is none."""
     count = np.bincount(rows.indices, minlength=rows.shape[1])
     row = np.repeat(np.arange(rows.shape[0]), np.diff(rows.indptr))
-    size = np.abs(rows.data)
-    largest = np.zeros(rows.shape[0])
-    np.maximum.at(largest, row, size)
+    size, largest = np.abs(rows.data), abs(rows).max(axis=1).toarray().ravel()
     good = np.flatnonzero((count[rows.indices] == 1) & (size >= share * largest[row]))
     column = np.full(rows.shape[0], -1, dtype=np.int64)
     # the largest one of a row is written last
@@ -171,9 +167,9 @@ def _coupled(unknown: csr_matrix, rest: Long, residual: Float, level: Float) -> 
     used = core.getnnz(axis=1) > 0
     _refuse_contradictions(residual[rest[~used]], level[rest[~used]])
     rest, core = rest[used], core[used]
-    count, none = len(rest), np.zeros(0, dtype=np.int64)
+    count = len(rest)
     if not count:
-        return _Pivots(none, none, csr_matrix((0, 0)))
+        return _Pivots(rest, rest, csr_matrix((0, 0)))
     # equations and unknowns as the nodes of a graph
     graph = bmat([[None, core], [csr_matrix(core.T), None]])
     part = connected_components(graph, directed=False)[1][:count]
