@@ -10,6 +10,7 @@ is several times less work than B^T D B with its six strain rows per point.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -78,10 +79,10 @@ def element_stiffness(
         if name == "bbar":
             result[part] = _mean_dilatation(gradient, volume, moduli)
             continue
+        parts = [gradient]
         if name == "incompatible":
-            modes = _mode_gradients(local, rule, det)
-            gradient = np.concatenate([gradient, modes], axis=3)
-        matrix = _contract(_products(gradient, volume), moduli)
+            parts.append(_mode_gradients(local, rule, det))
+        matrix = _contract(_products(parts, volume), moduli)
         if name == "incompatible":
             matrix = _condensed(matrix, width)
         np.add(matrix, matrix.transpose(0, 2, 1), out=result[part])
@@ -126,14 +127,20 @@ def _mode_gradients(nodes: Float, rule: Rule, det: Float) -> Float:
     """(M,Q,3,3) gradients of the internal modes: derivative, then mode."""
     centre = np.tensordot(nodes, ELEMENTS["hex8"].centre_gradient, axes=(1, 0)).transpose(1, 2, 0)
     at_centre = determinant(centre)
-    modes = np.einsum("jim,qcj->mqic", inverse(centre, at_centre), mode_gradient(rule))
-    return np.asarray(modes * (at_centre[:, None] / det)[:, :, None, None])
+    # each mode varies along its own axis alone
+    slope = np.einsum("qcc->qc", mode_gradient(rule))
+    back = inverse(centre, at_centre).transpose(2, 1, 0)
+    modes = back[:, None] * slope[:, None]
+    modes *= (at_centre[:, None] / det)[:, :, None, None]
+    return np.asarray(modes)
 
 
-def _products(gradient: Float, volume: Float) -> Float:
-    """H (M,3k,3k): integral of the products of any two gradients (M,Q,3,k)."""
-    count, points, _, width = gradient.shape
-    root = (gradient * np.sqrt(volume)[:, :, None, None]).reshape(count, points, 3 * width)
+def _products(gradients: Sequence[Float], volume: Float) -> Float:
+    """H (M,3k,3k): integral of the products of any two of the gradients (M,Q,3,…), k in all."""
+    count, points = volume.shape
+    factor = np.sqrt(volume)[:, :, None, None]
+    root = np.concatenate([one * factor for one in gradients], axis=3)
+    root = root.reshape(count, points, -1)
     return np.asarray(np.matmul(root.transpose(0, 2, 1), root))
 
 
