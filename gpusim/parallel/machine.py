@@ -123,7 +123,7 @@ def _table(path: Path) -> dict[str, int]:
 
 @cache
 def keep_freed_memory() -> None:
-    """Let glibc keep blocks of some MB that are freed, in place of asking the system again for each.
+    """Let glibc keep blocks of some MB that are freed, in place of asking for each again.
 
     Work in parts frees and takes such blocks all the time, and new pages cost as much as what is
     done with them. Its threshold rises to the size of the largest block that was ever freed (32 MB
