@@ -16,19 +16,37 @@ from gpusim.fem.linear.linear_solver import solve_system
 from gpusim.fem.linear.solve_plan import Clock, Options, SolvePlan, plan_solve
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.solution import Solution
+from gpusim.fem.model.thermal_loads import thermal
 from gpusim.fem.sparse.block_rows import BlockRows
 
 
 def linear_static(model: Model, lattice: Lattice | None, options: Options) -> Solution:
     """The solution of a model that is supported, on the ``lattice`` of its cells if it has one."""
     clock = options.clock
+    whole, model = model, _dead(model, options.formulation)
     assembled = assemble(model, options.formulation, lattice)
     clock.mark("assembly")
     system = _system(model, assembled, options.formulation)
     plan = plan_solve(model, assembled, system, options)
     clock.mark("choice")
     outcome = solve_system(plan, model, assembled, system, options)
-    return _solution(model, system, assembled.rows, outcome, plan, clock)
+    return replace(_solution(model, system, assembled.rows, outcome, plan, clock), model=whole)
+
+
+def _dead(model: Model, formulation: Mapping[str, str]) -> Model:
+    """The same with forces in place of following loads and heat, on the undeformed body."""
+    if not model.loads and model.temperature is None:
+        return model
+    forces = model.load_cases.copy()
+    for load in model.loads:
+        forces[load.case] += load.forces(model.mesh.points)
+    if model.temperature is not None:
+        for case, change in enumerate(model.temperature):
+            forces[case] += thermal(
+                model.mesh, model.materials, change, model.material_of_cell, formulation
+            )
+    single = model.forces is not None and model.forces.ndim == 2
+    return replace(model, forces=forces[0] if single else forces, loads=(), temperature=None)
 
 
 def _system(model: Model, assembled: Assembled, formulations: Mapping[str, str]) -> System:

@@ -40,7 +40,7 @@ def solve(
     start: npt.ArrayLike | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> Solution:
-    """Displacements of a linear static model.
+    """Displacements of a static model, by linear theory or at large displacements.
 
     Long or small bodies are factorised on the host (``gpusim.fem.direct_solvers``) and refined with
     float64 residuals. Everything else takes conjugate gradients in float64 (double-single where the
@@ -49,19 +49,28 @@ def solve(
     once, the host side by side (on Linux, in copies of the process: ``gpusim.parallel.processes``).
     Which way is cheaper is estimated from the mesh; ``Solution.method`` and ``message`` say it.
 
+    At large displacements each load step is an equilibrium found by Newton's method; steps that
+    fail are halved, and limit points are passed by arc length. Cells of `Isotropic` and
+    `Orthotropic` are linear elements that turn with their mean rotation: displacements and
+    rotations may be any, strains some per cent at most. Other laws hold for any strain.
+
     Parameters
     ----------
     model : see ``Model``.
     device : None takes the process-wide one (none at all for ``backend="numpy"``).
     tolerance : relative displacement error to reach, in (0, 1), as it is estimated in
-        ``gpusim.fem.krylov.error_estimates`` and ``fem.direct_solvers.iterative_refinement``.
+        ``gpusim.fem.krylov.error_estimates`` and ``fem.direct_solvers.iterative_refinement``; of
+        the greatest displacement in a nonlinear equilibrium.
+    geometry : "linear", or "nonlinear": equilibrium of the deformed body.
+    factors : load factors of the steps of a nonlinear analysis, (K,); (K,L) for a model with L load
+        cases: how they add up in each step. None: one step with everything.
     formulation : integration or enrichment by name, for all cells or per type; see
         ``gpusim.fem.elements.element``. The default is "incompatible" for hex8, "full" otherwise.
     backend : where multigrid iterates: "gpu", "numpy" (the twins, on all processors of the host),
         or "auto": "gpu" where ``device`` is given or the adapter isn't a software one.
     method : "direct", "multigrid" (smoothed aggregation below geometric levels), or "auto": the
         cheaper of the two; direct also where multigrid doesn't converge.
-    max_iterations : of conjugate gradients; None: 1000.
+    max_iterations : of conjugate gradients, in each linear solution; None: 1000.
     start : (N,3) or (L,N,3) displacements to begin from; a direct solver needs none.
     progress : called with (iterations, estimated relative error), of this process's load cases.
 
@@ -70,7 +79,9 @@ def solve(
     InputError
         A wrong argument; supports that leave a rigid-body motion free (named).
     NotConverged
-        Values that aren't finite, negative curvature, or a matrix that rounding made indefinite.
+        Values that aren't finite, negative curvature, or a matrix that rounding made indefinite;
+        no equilibrium at the first load step. One that is missing later ends the analysis: the
+        solution has the steps before it, ``converged`` is False and ``message`` says why.
         Running out of iterations or stagnating isn't raised: ``Solution.converged`` tells it.
     OutOfDeviceMemory
         The device can't hold the model; refused before anything is allocated there.
@@ -84,6 +95,10 @@ def solve(
     >>> solution = gs.fem.solve(model, tolerance=1e-8)
     >>> solution.method, bool(solution.error_estimate < 1e-8)
     ('direct', True)
+    >>> bent = gs.Model(bar, gs.Isotropic(210e9, 0.0), fixed, 500 * pull[:, [1, 2, 0]])
+    >>> steps = gs.fem.solve(bent, geometry="nonlinear", factors=[0.5, 1.0]).steps
+    >>> [f"{step.u[:, 2].max():.3f}" for step in steps]  # 0.942 at factor 1 by linear theory
+    ['0.391', '0.582']
     """
     clock = Clock()
     _check_arguments(model, device, tolerance, backend, max_iterations, method, progress)
