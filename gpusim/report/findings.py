@@ -54,6 +54,26 @@ class FieldPicture:
 
 
 @dataclass(frozen=True)
+class LoadStepRow:
+    """An equilibrium of a ``body`` at large displacements, in ``frame``, and what Newton's method
+    took: ``iterations``, those of the linear solver in them, in how many ``substeps``.
+
+    ``moved_mm``: greatest displacement, ``linear_mm``: by linear theory; ``error_estimate``:
+    relative, of the greatest displacement.
+    """
+
+    body: str
+    frame: int
+    factor: float
+    moved_mm: float
+    linear_mm: float
+    iterations: int
+    solver_iterations: int
+    substeps: int
+    error_estimate: float
+
+
+@dataclass(frozen=True)
 class LoadPath:
     """How the node of ``body`` that moves most, at ``position_mm``, goes with the load: in each of
     ``frames`` the load ``factors`` (what they are: ``word``), its ``displacement_mm`` along the way

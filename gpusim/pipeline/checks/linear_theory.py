@@ -1,5 +1,4 @@
-"""How far linear statics is off in the frames of a scene, as an estimate and in words.
-"""
+"""How far linear statics is off in the frames of a scene, as an estimate and in words."""
 
 from __future__ import annotations
 
@@ -30,7 +29,7 @@ FORCES = (
 
 @dataclass(frozen=True)
 class LinearError:
-    """Of one body, in the frame in which it moves most.
+    """Of one body, in the frame in which linear theory is off most.
 
     ``turn``: greatest rotation (rad); ``moved``: greatest displacement (m) by linear theory;
     ``share``: what an exact solution would have of it, about; ``longer``: the strain by which the
@@ -56,11 +55,15 @@ class LinearError:
         return f"{turn}{self._off} of {1e3 * self.moved:.4g} mm"
 
     @property
+    def off(self) -> float:
+        """By how much displacements are off, relative."""
+        return abs(1.0 / self.share - 1.0)
+
+    @property
     def _off(self) -> str:
         off = self.moved * (1.0 - self.share)
         way = "too large" if off > 0.0 else "too small"
-        percent = 100.0 * abs(1.0 / self.share - 1.0)
-        return f"displacements are about {1e3 * abs(off):.2g} mm ({percent:.2g} %) {way}"
+        return f"displacements are about {1e3 * abs(off):.2g} mm ({100 * self.off:.2g} %) {way}"
 
     @property
     def warning(self) -> str:
@@ -73,7 +76,7 @@ class LinearError:
                 f"{100 * self.reach / self.size:.3g} % of its size; linear statics holds for small "
                 "ones only: are units, loads and moduli meant so? It "
             )
-        elif not abs(1.0 / self.share - 1.0) > TOLD:
+        elif not self.off > TOLD:
             return ""
         return (
             f"{text}turns by up to {np.degrees(self.turn):.3g} degrees in frame {self.frame}; by "
@@ -83,25 +86,39 @@ class LinearError:
 
 
 def linear_errors(objects: MovingBodies) -> list[LinearError]:
-    """One per body; all were solved for."""
-    found = []
-    for i, parts in enumerate(objects.bodies):
-        reach = [
-            float(np.linalg.norm(np.ptp(objects.displacement(i, frame), axis=0)))
-            for frame in range(len(objects.frames))
-        ]
-        frame = int(np.argmax(reach))
-        u = objects.displacement(i, frame)
-        turn = float(np.linalg.norm(cell_rotations(parts.mesh, u), axis=1).max(initial=0.0))
-        share, longer = 1.0, 0.0
-        if turn > SMALL_TURN:
-            share, longer = _second_order(parts, frame, u)
-        size = float(np.linalg.norm(np.ptp(parts.mesh.points, axis=0)))
-        moved = float(np.linalg.norm(u, axis=1).max(initial=0.0))
-        found.append(
-            LinearError(parts.body.name, frame, turn, moved, share, longer, reach[frame], size)
-        )
-    return found
+    """One per body; all were solved for, by linear theory."""
+    return [linear_error(objects, number) for number in range(len(objects.bodies))]
+
+
+def linear_error(objects: MovingBodies, number: int) -> LinearError:
+    """Of a body in the frame in which linear theory is off most: it turns or moves most there."""
+    found = [_in_frame(objects, number, frame) for frame in _extreme_frames(objects, number)]
+    return max(found, key=lambda error: error.off)
+
+
+def _extreme_frames(objects: MovingBodies, number: int) -> list[int]:
+    """Frames in which a body turns most, and in which its displacements differ most."""
+    mesh = objects.bodies[number].mesh
+    reach, turn = np.zeros((2, len(objects.frames)))
+    several = any(len(shown.states[number] or ()) > 1 for shown in objects.frames)
+    for frame in range(len(objects.frames)):
+        u = objects.displacement(number, frame)
+        reach[frame] = np.linalg.norm(np.ptp(u, axis=0))
+        if several:  # else it turns most where it moves most
+            turn[frame] = np.linalg.norm(cell_rotations(mesh, u), axis=1).max(initial=0.0)
+    return list(dict.fromkeys([int(reach.argmax()), int((turn if several else reach).argmax())]))
+
+
+def _in_frame(objects: MovingBodies, number: int, frame: int) -> LinearError:
+    parts, u = objects.bodies[number], objects.displacement(number, frame)
+    turn = float(np.linalg.norm(cell_rotations(parts.mesh, u), axis=1).max(initial=0.0))
+    share, longer = 1.0, 0.0
+    if turn > SMALL_TURN:
+        share, longer = _second_order(parts, frame, u)
+    reach = float(np.linalg.norm(np.ptp(u, axis=0)))
+    size = float(np.linalg.norm(np.ptp(parts.mesh.points, axis=0)))
+    moved = float(np.linalg.norm(u, axis=1).max(initial=0.0))
+    return LinearError(parts.body.name, frame, turn, moved, share, longer, reach, size)
 
 
 def _second_order(parts: MeshedBody, frame: int, u: Float) -> tuple[float, float]:

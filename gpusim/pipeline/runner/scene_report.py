@@ -48,7 +48,7 @@ from gpusim.scene.cost import effects
 from gpusim.scene.frames import frame_word
 from gpusim.visualization.color_scale import format_value
 
-_FIRST = ("solve", "geometry", "linear theory")
+_FIRST = ("solve", "equilibria", "geometry", "linear theory")
 """Stages whose notes a report has before the others'."""
 
 
@@ -136,18 +136,21 @@ class SceneReport:
         return "; ".join(dict.fromkeys(filter(None, made))) or "not needed"
 
     def _mechanics(self, solution: Mapping[str, Any]) -> Mechanics:
-        """Of the last frame in which something has moved; linear, so load groups add up."""
-        last = self.frames.last_moved
+        """Of the last frame in which something has moved; load groups of linear bodies add up."""
+        last, displaced = self.frames.last_moved, self._said("equilibria").get("forces", {})
         reactions, loads = [], []
         reacting, loading = solution["reactions"], solution["applied"]
         states = self.frames[last].shown.states
         rows = zip(self.scene.bodies, reacting, loading, states, strict=True)
         for body, held, applied, state in rows:
-            weights = np.zeros(len(held)) if state is None else np.array(state)
-            forces = np.tensordot(weights, np.array(held), axes=1)
-            for support, (x, y, z) in zip(body.supports, forces.tolist(), strict=False):
+            weights = np.zeros(len(held)) if state is None else np.array(state[: len(held)])
+            forces = np.tensordot(weights, np.array(held), axes=1).tolist()
+            sums = (weights @ np.array(applied)).tolist()
+            if body.name in displaced and state is not None:
+                forces, sums = (displaced[body.name][key] for key in ("reactions", "applied"))
+            for support, (x, y, z) in zip(body.supports, forces, strict=False):
                 reactions.append(BodyForce(body.name, support.name, (x, y, z)))
-            x, y, z = (weights @ np.array(applied)).tolist()
+            x, y, z = sums
             loads.append(BodyForce(body.name, "loads", (x, y, z)))
         peaks = tuple(
             StressPeak(**{**row, "position": tuple(row["position"])})

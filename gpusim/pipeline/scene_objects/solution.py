@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float, Int
+from gpusim.motion import Stepped, Superposed
 from gpusim.report import SolutionSummary
 
 if TYPE_CHECKING:
@@ -58,7 +59,10 @@ class SceneSolution:
         }
         return SceneSolution(
             tuple(_cases(s.u) for s in solutions),
-            tuple(_sums(s, own) for s, own in zip(solutions, held, strict=True)),
+            tuple(
+                support_forces(_cases(s.reactions), own)
+                for s, own in zip(solutions, held, strict=True)
+            ),
             tuple(model.load_cases.sum(axis=1) for model in models),
             sum(s.unknowns for s in solutions),
             worst.iterations,
@@ -69,6 +73,10 @@ class SceneSolution:
             balance,
             tuple(dict.fromkeys(text for s in solutions for text in s.warnings)),
         )
+
+    def superposed(self, body: int) -> Superposed:
+        """The motion of a body."""
+        return Superposed(self.u[body], self.reactions[body])
 
     def arrays(self) -> dict[str, npt.NDArray[Any]]:
         """What ``np.savez`` keeps: ``u<body>`` and the like, and a JSON summary."""
@@ -124,6 +132,24 @@ class SceneSolution:
                     raise ValueError("values that are no finite float64")
 
 
+def stepped_arrays(motion: Stepped, body: int) -> dict[str, npt.NDArray[Any]]:
+    """What ``np.savez`` keeps of a motion that isn't linear."""
+    states = np.array(motion.states)
+    return {f"states{body}": states, f"u{body}": motion.u, f"reactions{body}": motion.forces}
+
+
+def stepped_motion(arrays: Mapping[str, npt.NDArray[Any]], body: int) -> Stepped:
+    """The inverse of `stepped_arrays`. Raises ValueError for damage; KeyError where there is
+    none."""
+    states, u, forces = (arrays[f"{name}{body}"] for name in ("states", "u", "reactions"))
+    for values, ndim in ((states, 2), (u, 3), (forces, 3)):
+        if values.ndim != ndim or len(values) != len(u) or values.dtype != np.float64:
+            raise ValueError(f"load steps of shape {values.shape}")
+        if not np.isfinite(values).all():
+            raise ValueError("values that aren't finite")
+    return Stepped([tuple(state) for state in states.tolist()], u, forces)
+
+
 def solver_seconds(solutions: Sequence[Solution]) -> dict[str, str]:
     """How long the parts of the longest solve took, for the report of the run that solved."""
     worst = max(solutions, key=lambda s: s.iterations)
@@ -135,12 +161,12 @@ def _cases(values: Float) -> Float:
     return values if values.ndim == 3 else values[None]
 
 
-def _sums(solution: Solution, held: Int) -> Float:
-    """(L,S,3) reactions added up over the degrees of freedom of each support.
+def support_forces(reactions: Float, held: Int) -> Float:
+    """(L,S,3) reactions (L,N,3) added up over the degrees of freedom of each support, which
+    ``held`` (N,3) numbers (-1: none).
 
     S ends with the last support that holds something.
     """
-    reactions = _cases(solution.reactions)
     count = int(held.max()) + 1
     sums = np.zeros((len(reactions), count, 3))
     for axis in range(3):

@@ -22,7 +22,12 @@ from gpusim.graph.stage import StageResult
 from gpusim.motion import Given, Superposed
 from gpusim.pipeline.checks.resources import check_field
 from gpusim.pipeline.notes import Notes
-from gpusim.pipeline.scene_objects.modelling import BodyModel, build_body_model, temperature
+from gpusim.pipeline.scene_objects.modelling import (
+    BodyModel,
+    build_body_model,
+    linear_at_rest,
+    temperature,
+)
 from gpusim.pipeline.scene_objects.moving_bodies import MovingBodies, moving_bodies
 from gpusim.pipeline.scene_objects.solution import SceneSolution, solver_seconds
 from gpusim.pipeline.scene_objects.surfaces import MeshedBody
@@ -48,14 +53,15 @@ def model(scene: Scene, inputs: Inputs, session: Session) -> BodyModel:
 def solve_scene(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """All bodies solved; what a report says of it, as well."""
     made: list[BodyModel] = [inputs[f"model/{body.name}"] for body in scene.bodies]
+    models = [linear_at_rest(one.model) for one in made]
     found = solve_bodies(
-        scene.solver, scene.bodies, [one.model for one in made], session.options, inputs.progress
+        scene.solver, scene.bodies, models, session.options, inputs.progress
     )
     solved = SceneSolution.of(found, [one.model for one in made], [one.support for one in made])
     notes = asdict(Notes(solved.warnings, solved.facts, session.adapter))
     session.kept[f"seconds of {inputs.key}"] = solver_seconds(found)
     return StageResult(
-        {DISPLACEMENT: partial(_save, solved.arrays())},
+        {DISPLACEMENT: partial(save_arrays, solved.arrays())},
         notes | {"solution": solved.said()},
         f"{solved.iterations} iterations, estimated error {solved.error_estimate:.1e}",
     )
@@ -70,7 +76,7 @@ def solution(scene: Scene, inputs: Inputs, session: Session) -> SceneSolution:
 def superposed(scene: Scene, inputs: Inputs, session: Session) -> Superposed:
     """The motion of one body."""
     solved: SceneSolution = inputs["solution"]
-    return Superposed(solved.u[inputs.row], solved.reactions[inputs.row])
+    return solved.superposed(inputs.row)
 
 
 def given(scene: Scene, inputs: Inputs, session: Session) -> Given:
@@ -110,12 +116,7 @@ def solve_bodies(
     solutions = []
     for body, model in zip(bodies, models, strict=True):
 
-        def note(iterations: int, estimate: float, name: str = body.name) -> None:
-            done = min(0.99, max(0.0, np.log(max(estimate, 1e-300)) / np.log(solver.tolerance)))
-            progress(done, f"{name}: iteration {iterations}, {estimate:.1e}")
-
-        asked = {**dict(solver), "formulation": body.formulation, **options.for_solver()}
-        solution = fem.solve(model, progress=note, **asked)
+        solution = fem.solve(model, **solver_arguments(solver, body, options, progress))
         if not solution.converged:
             where = f"solve, body {body.name!r}: stopped after {solution.iterations} iterations"
             reached = f"an estimated displacement error of {solution.error_estimate:.2e}"
@@ -123,6 +124,19 @@ def solve_bodies(
             raise NotConverged(f"{where} at {reached}; expected {expected}")
         solutions.append(solution)
     return solutions
+
+
+def solver_arguments(
+    solver: m.SolverTable, body: m.Body, options: RunOptions, progress: Callable[[float, str], None]
+) -> dict[str, Any]:
+    """Keyword arguments of `gpusim.fem.solve`; ``progress`` as `solve_bodies` has it."""
+
+    def note(iterations: int, estimate: float) -> None:
+        done = min(0.99, max(0.0, np.log(max(estimate, 1e-300)) / np.log(solver.tolerance)))
+        progress(done, f"{body.name}: iteration {iterations}, {estimate:.1e}")
+
+    asked = {**dict(solver), "formulation": body.formulation, **options.for_solver()}
+    return {**asked, "progress": note}
 
 
 class Stresses:
@@ -199,7 +213,7 @@ def _recovered(objects: MovingBodies, number: int, model: fem.Model, frame: int)
     return fem.stress(model, u, body.formulation, temperature=temperature(body, frame) or None)
 
 
-def _save(arrays: dict[str, npt.NDArray[Any]], path: Path) -> None:
+def save_arrays(arrays: dict[str, npt.NDArray[Any]], path: Path) -> None:
     with open(path, "wb") as stream:
         np.savez(stream, allow_pickle=False, **arrays)
 
