@@ -2,6 +2,7 @@
 
 In the order in which data passes:
 
+- `materials`: Laws: stress of strain and history at the points of elements.
 - `elements`: Formulations and their rules (shape functions are in `gpusim.mesh`), stiffness,
   strain.
 - `materials`: Laws: stress and moduli from strain and history, a file each.

@@ -27,7 +27,7 @@ RESULTS = {
     "Calibration", "Chessboard", "Codes", "Crossings", "DeflectionLine", "DicResult",
     "Displacement3D", "Dots", "Features", "Frame", "FrameSource", "MappedResult", "Markers",
     "Matches", "Quality", "SampledKernel", "Sighting", "SlopeChanges", "Solution", "StereoResult",
-    "StrainResult", "Stress", "TrackResult", "Triangulated", "Truth",
+    "StrainResult", "Stress", "TrackResult", "Triangulated", "Truth", "Update",
 }  # fmt: skip
 
 

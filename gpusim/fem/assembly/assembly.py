@@ -17,7 +17,7 @@ from gpusim.fem.assembly.element_batches import (
     lattice_group,
     model_groups,
 )
-from gpusim.fem.assembly.node_graph import NodeGraph, row_sums
+from gpusim.fem.assembly.node_graph import NodeGraph
 from gpusim.fem.lattice.lattice import CORNERS, Lattice, find_lattice, node_offsets
 from gpusim.fem.lattice.stencil import Stencil
 from gpusim.fem.model.model import Model
@@ -67,36 +67,13 @@ def assemble(
 
 def assemble_groups(groups: Sequence[Elements], count: int) -> BlockRows:
     """Block rows of elements of any kind on ``count`` nodes."""
-    edges = NodeGraph(groups, count)
+    pattern = NodeGraph(groups, count)
     classes = sum(group.distinct for group in groups)
     elements = sum(len(group.cells) for group in groups)
-    if classes * _ROWS_REPEAT <= elements and all(isinstance(group, Group) for group in groups):
-        representative, row_class = edges.equal_rows()
-    else:
-        representative = row_class = np.arange(count, dtype=np.int64)
-    return _block_rows(edges, representative, row_class, classes)
-
-
-def rows_of(graph: NodeGraph) -> BlockRows:
-    """Block rows of a graph's elements as their matrices are now; no two rows are taken to be
-    equal."""
-    every = np.arange(graph.count, dtype=np.int64)
-    return _block_rows(graph, every, every, graph.count)
-
-
-def _block_rows(
-    edges: NodeGraph, representative: Long, row_class: Long, element_classes: int
-) -> BlockRows:
-    degree = np.diff(edges.start)[representative]
-    table_start = np.concatenate([[0], np.cumsum(degree)]).astype(np.int64)
-    table = edges.blocks(None if len(representative) == edges.count else representative)
-    diagonal = -row_sums(table_start, table)
-    # the pattern alone: where blocks came from isn't asked again
-    links = edges.links()
-    return BlockRows(
-        lambda: links, row_class.astype(np.int32), table, table_start,
-        0.5 * (diagonal + diagonal.transpose(0, 2, 1)), element_classes,
-    )  # fmt: skip
+    shared = [group for group in groups if isinstance(group, Group)]
+    if classes * _ROWS_REPEAT <= elements and len(shared) == len(groups):
+        return pattern.rows(shared, *pattern.equal_rows(shared))
+    return pattern.fill(groups)
 
 
 def group_matrix(groups: Sequence[Elements], count: int) -> bsr_matrix:
@@ -104,7 +81,7 @@ def group_matrix(groups: Sequence[Elements], count: int) -> bsr_matrix:
 
     For coarse levels, where fixed unknowns are left out and rows don't add up to zero.
     """
-    start, column, data = NodeGraph(groups, count).with_diagonal()
+    start, column, data = NodeGraph(groups, count).with_diagonal(groups)
     return bsr_matrix((data, column, start), shape=(3 * count, 3 * count))
 
 

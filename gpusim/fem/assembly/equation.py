@@ -13,13 +13,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gpusim.arrays.array_types import Float, Int, Long
-from gpusim.fem.assembly.assembly import Assembled, rows_of
-from gpusim.fem.assembly.element_batches import pair_blocks
+from gpusim.fem.assembly.assembly import Assembled
+from gpusim.fem.assembly.element_batches import Elements, pair_blocks
+from gpusim.fem.assembly.element_responses import free_strain
 from gpusim.fem.assembly.node_graph import NodeGraph
 from gpusim.fem.elements.element_response import ElementResponse, Internal, Want
 from gpusim.fem.elements.isoparametric_map import add_to
 from gpusim.fem.model.following_loads import PressedFaces
 from gpusim.fem.model.model import Model
+from gpusim.fem.model.thermal_loads import linear_temperature
 from gpusim.parallel.threads import shared
 
 # elements that answer at a time
@@ -100,8 +102,19 @@ class Equation:
         self._pressed = [
             (load.case, PressedElements(part, zero)) for load in model.loads for part in load.parts
         ]
-        pressed = [one for _, one in self._pressed]
-        self._graph = NodeGraph([*self._elements, *pressed], count)
+        self._warmed = np.full(len(model.load_cases), np.nan)
+        self._filling: list[Elements] = [*self._elements, *(faces for _, faces in self._pressed)]
+        self._graph = NodeGraph(self._filling, count)
+
+    def _warm(self, factors: Float) -> None:
+        """Temperatures of the points at ``factors`` (L,)."""
+        temperature = self.model.temperature
+        if temperature is None or np.array_equal(factors, self._warmed):
+            return
+        change = linear_temperature("solve", self.model.mesh, factors @ temperature)
+        for one in self.responses:
+            one.set_free_strain(free_strain(one, change))
+        self._warmed = factors.copy()
 
     def external(self, u: Float, factors: Float) -> Float:
         """(N,3) forces that act on the body displaced by ``u`` (N,3)."""
@@ -115,8 +128,9 @@ class Equation:
         cases = np.broadcast_to(self.model.prescribed_cases, self.model.load_cases.shape)
         return np.asarray(np.tensordot(factors, cases, axes=1))
 
-    def internal(self, u: Float) -> Float:
+    def internal(self, u: Float, factors: Float) -> Float:
         """(N,3) forces with which the body resists."""
+        self._warm(factors)
         total = np.zeros_like(u)
         for one in self.responses:
 
@@ -129,11 +143,12 @@ class Equation:
 
     def linearised(self, u: Float, factors: Float, want: Want = Want.TANGENT) -> Tangent:
         """Residual forces and the tangent at ``u``, or the tangent's material part."""
+        self._warm(factors)
         for elements in self._elements:
             elements.u, elements.want = u, want
         for case, faces in self._pressed:
             faces.points, faces.factor = self.model.mesh.points + u, float(factors[case])
-        rows = rows_of(self._graph)
+        rows = self._graph.fill(self._filling)
         residual = self.external(u, factors)
         for elements in self._elements:
             forces = elements.forces.reshape(*elements.cells.shape, 3)

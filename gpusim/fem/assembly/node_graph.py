@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -23,10 +24,10 @@ from gpusim.arrays.unique import mix, unique_hashes
 from gpusim.fem.assembly.element_batches import Elements, Group, repeating
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.solution import Solution
-from gpusim.fem.sparse.block_rows import ranges
+from gpusim.fem.sparse.block_rows import BlockRows, ranges
 from gpusim.fem.sparse.matrix_product import add_rows, counting_sort, transpose_pattern
 from gpusim.mesh import Mesh
-from gpusim.parallel.threads import ahead
+from gpusim.parallel.threads import ahead, shared
 
 # elements whose blocks are formed and added at a time: they should stay in the cache
 _PORTION = 512
@@ -49,11 +50,14 @@ _BITS = 21
 class NodeGraph:
     """Edges between ``count`` nodes, each from its lesser node, sorted; pairs are the edges of one
     element, by pair (a,b) of its nodes and then by element. ``start`` (N+1,) int64 and
-    ``neighbour`` int32: every edge from either end, neighbours ascending."""
+    ``neighbour`` int32: every edge from either end, neighbours ascending.
+
+    It knows cells and no matrices: it is made once, and filled with any ``groups`` of the same
+    cells as often as their matrices change."""
 
     def __init__(self, groups: Sequence[Elements], count: int) -> None:
-        self.count, self._groups = count, groups
-        self._sizes = [group.cells.shape[1] * (group.cells.shape[1] - 1) // 2 for group in groups]
+        self.count, self._cells = count, [group.cells for group in groups]
+        self._sizes = [cells.shape[1] * (cells.shape[1] - 1) // 2 for cells in self._cells]
         row, column, pair = self._sorted_pairs()
         new = np.empty(len(pair), dtype=bool)
         new[:1] = True
@@ -85,14 +89,14 @@ class NodeGraph:
     def _ends(self) -> tuple[Int, Int]:
         """Lesser and greater node of every pair."""
         length = sum(
-            size * len(group.cells) for size, group in zip(self._sizes, self._groups, strict=True)
+            size * len(cells) for size, cells in zip(self._sizes, self._cells, strict=True)
         )
         low, high = (np.empty(length, dtype=np.int32) for _ in range(2))
         at = 0
-        for group in self._groups:
-            columns = np.ascontiguousarray(group.cells.T)
+        for cells in self._cells:
+            columns = np.ascontiguousarray(cells.T)
             for a, b in zip(*np.triu_indices(len(columns), 1), strict=True):
-                part = slice(at, at + len(group.cells))
+                part = slice(at, at + len(cells))
                 np.minimum(columns[a], columns[b], out=low[part])
                 np.maximum(columns[a], columns[b], out=high[part])
                 at = part.stop
@@ -109,23 +113,40 @@ class NodeGraph:
     def _pair_numbers(self) -> list[Int]:
         """(pairs, elements) edge of every pair, per group."""
         ends = np.cumsum(
-            [size * len(g.cells) for size, g in zip(self._sizes, self._groups, strict=True)]
+            [size * len(cells) for size, cells in zip(self._sizes, self._cells, strict=True)]
         )
         return [
             part.reshape(size, -1)
             for part, size in zip(np.split(self._edge_of_pair, ends[:-1]), self._sizes, strict=True)
         ]
 
-    def links(self) -> tuple[Long, Int]:
-        """The pattern, see ``BlockRows``."""
-        return self.start, self.neighbour
+    def fill(self, groups: Sequence[Elements]) -> BlockRows:
+        """Block rows of the elements' matrices, each node's of its own kind.
 
-    def blocks(self, nodes: Long | None) -> Float:
+        Elements are formed some hundred at a time, on all processors, and added in their order."""
+        every = np.arange(self.count)
+        return self.rows(groups, every, every)
+
+    def rows(self, groups: Sequence[Elements], representative: Long, row_class: Long) -> BlockRows:
+        """Block rows of which those of the nodes ``representative`` (C,) are formed; ``row_class``
+        (N,) tells whose a node has."""
+        degree = np.diff(self.start)[representative]
+        table_start = np.concatenate([[0], np.cumsum(degree)]).astype(np.int64)
+        table = self.blocks(groups, None if len(representative) == self.count else representative)
+        diagonal = -row_sums(table_start, table)
+        # the pattern alone: where blocks came from isn't asked again
+        links = self.start, self.neighbour
+        return BlockRows(
+            lambda: links, row_class.astype(np.int32), table, table_start,
+            0.5 * (diagonal + diagonal.transpose(0, 2, 1)), sum(one.distinct for one in groups),
+        )  # fmt: skip
+
+    def blocks(self, groups: Sequence[Elements], nodes: Long | None) -> Float:
         """(T,3,3) blocks of the rows of ``nodes`` (None: all), summed over elements. K_ij and K_ji
         are transposes to the last bit."""
         if nodes is None:
             result = np.zeros((2 * self._edges, 9))
-            self._add(result, self._above, None)
+            self._add(groups, result, self._above, None)
             self._mirror(result, self._above, self._below)
             return result.reshape(-1, 3, 3)
         at = ranges(self.start[nodes], np.diff(self.start)[nodes])
@@ -137,13 +158,13 @@ class NodeGraph:
         value = np.zeros((len(used) + 1, 9))
         wanted = np.zeros(self.count, dtype=bool)
         wanted[nodes] = True
-        self._add(value, place, wanted)
+        self._add(groups, value, place, wanted)
         result = value[number]
         turned = mirrored[at]
         result[turned] = result[turned][:, _TRANSPOSED]
         return result.reshape(-1, 3, 3)
 
-    def with_diagonal(self) -> tuple[Long, Int, Float]:
+    def with_diagonal(self, groups: Sequence[Elements]) -> tuple[Long, Int, Float]:
         """(start, column, blocks) of the matrix with the diagonal blocks that elements give, which
         come first in each row."""
         start = self.start + np.arange(self.count + 1)
@@ -152,7 +173,7 @@ class NodeGraph:
         shift = np.repeat(nodes, np.diff(self.start))
         above, below = (one + shift[one] for one in (self._above, self._below))
         result = np.zeros((int(start[-1]), 9))
-        self._add(result, above, None, start[:-1].astype(np.int32))
+        self._add(groups, result, above, None, start[:-1].astype(np.int32))
         self._mirror(result, above, below)
         column = np.empty(len(result), dtype=np.int32)
         column[start[:-1]] = np.arange(self.count)
@@ -161,6 +182,7 @@ class NodeGraph:
 
     def _add(
         self,
+        groups: Sequence[Elements],
         table: Float,
         place: Int,
         wanted: Bool | None,
@@ -169,30 +191,25 @@ class NodeGraph:
         """Add the elements' blocks, the lesser node's row, to the rows ``place`` (edges,) of
         ``table`` (T,9), diagonal ones to ``diagonal_rows`` (N,); only elements of ``wanted``
         nodes."""
-        for group, edge_of_pair in zip(self._groups, self._pair_numbers(), strict=True):
-            a, b = np.triu_indices(group.cells.shape[1], 1)
+        for group, edge_of_pair in zip(groups, self._pair_numbers(), strict=True):
             which = np.arange(len(group.cells))
             if wanted is not None:
                 which = np.flatnonzero(wanted[group.cells].any(axis=1))
             portions = [which[k : k + _PORTION] for k in range(0, len(which), _PORTION)]
-
-            def form(part: Long, group: Elements = group) -> tuple[Float, Float | None]:
-                return group.blocks(part, diagonal_rows is not None)
-
-            for part, (pairs, diagonal) in zip(portions, ahead(form, portions), strict=True):
-                cells = group.cells[part]
-                flat = pairs.reshape(-1, 9)
-                swapped = np.flatnonzero((cells[:, a] > cells[:, b]).T)
-                flat[swapped] = flat[swapped][:, _TRANSPOSED]
-                add_rows(table, place[edge_of_pair[:, part]], flat)
-                if diagonal_rows is not None and diagonal is not None:
-                    add_rows(table, diagonal_rows[cells.T], diagonal)
+            form = partial(_placed_blocks, group, edge_of_pair, place, diagonal_rows)
+            # in the order of elements, whoever forms them: sums don't depend on processors
+            for placed in ahead(form, portions):
+                for at, blocks in placed:
+                    add_rows(table, at, blocks)
 
     def _mirror(self, table: Float, above: Int, below: Int) -> None:
         """Fill the rows of the greater nodes."""
-        for first in range(0, self._edges, _MIRRORED):
+
+        def fill(first: int) -> None:
             part = slice(first, first + _MIRRORED)
             table[below[part]] = np.take(table[above[part]], _TRANSPOSED, axis=1)
+
+        shared(fill, range(0, self._edges, _MIRRORED))
 
     def _ends_of_rows(self) -> tuple[Int, Bool]:
         """Edge of every block of the pattern, and whether its row is the greater node's."""
@@ -202,10 +219,10 @@ class NodeGraph:
         mirrored[self._below] = True
         return edge_of, mirrored
 
-    def equal_rows(self) -> tuple[Long, Long]:
+    def equal_rows(self, groups: Sequence[Group]) -> tuple[Long, Long]:
         """First node of each class of equal rows, and the class of every node."""
         slot = ranges(np.zeros(self.count, dtype=np.int64), np.diff(self.start))
-        number = self._block_numbers()
+        number = _block_numbers(groups)
         edge_of, mirrored = self._ends_of_rows()
         hashes = []
         for seed in (100, 200):
@@ -218,18 +235,34 @@ class NodeGraph:
             hashes.append(total[self.start[1:]] - total[self.start[:-1]])
         return unique_hashes(hashes[0], hashes[1])
 
-    def _block_numbers(self) -> Long:
-        """Number of each pair's block among the distinct ones, a mirrored block counted apart."""
-        numbers, offset = [], 0
-        for group in self._groups:
-            assert isinstance(group, Group)
-            a, b = np.triu_indices(group.cells.shape[1], 1)
-            distinct = len(group.matrices) * len(a)
-            number = group.matrix_of * len(a) + np.arange(len(a))[:, None]
-            number += np.where(group.cells[:, a] > group.cells[:, b], distinct, 0).T
-            numbers.append((offset + number).ravel())
-            offset += 2 * distinct
-        return np.concatenate(numbers)
+
+def _placed_blocks(
+    group: Elements, edge_of_pair: Int, place: Int, diagonal_rows: Int | None, which: Long
+) -> list[tuple[Int, Float]]:
+    """Blocks of some elements with the rows of the table that they are added to, see ``_add``."""
+    cells = group.cells[which]
+    a, b = np.triu_indices(cells.shape[1], 1)
+    pairs, diagonal = group.blocks(which, diagonal_rows is not None)
+    flat = pairs.reshape(-1, 9)
+    swapped = np.flatnonzero((cells[:, a] > cells[:, b]).T)
+    flat[swapped] = flat[swapped][:, _TRANSPOSED]
+    placed = [(place[edge_of_pair[:, which]], flat)]
+    if diagonal_rows is not None and diagonal is not None:
+        placed.append((diagonal_rows[cells.T], diagonal))
+    return placed
+
+
+def _block_numbers(groups: Sequence[Group]) -> Long:
+    """Number of each pair's block among the distinct ones, a mirrored block counted apart."""
+    numbers, offset = [], 0
+    for group in groups:
+        a, b = np.triu_indices(group.cells.shape[1], 1)
+        distinct = len(group.matrices) * len(a)
+        number = group.matrix_of * len(a) + np.arange(len(a))[:, None]
+        number += np.where(group.cells[:, a] > group.cells[:, b], distinct, 0).T
+        numbers.append((offset + number).ravel())
+        offset += 2 * distinct
+    return np.concatenate(numbers)
 
 
 def row_sums(start: Long, blocks: Float) -> Float:

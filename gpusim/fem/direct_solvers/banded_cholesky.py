@@ -87,12 +87,12 @@ def _number(order: Long, owner: Int, neighbour: Int, free: Bool) -> Ordering:
     position = np.full(free.shape, -1, dtype=np.int64)
     number = np.where(ordered, np.cumsum(ordered.ravel()).reshape(-1, 3) - 1, -1)
     position[order] = number
-    last = position.max(axis=1)
-    first = np.where(position >= 0, position, np.int64(2**62)).min(axis=1)
-    coupled = (last[owner] >= 0) & (last[neighbour] >= 0)
-    reach = np.where(coupled, last[owner] - first[neighbour], 0)
-    half_width = np.where(last >= 0, last - first, 0)
-    width = max(int(reach.max(initial=0)), int(half_width.max(initial=0)))
+    # axis by axis: several times as fast as along the rows
+    last = np.maximum.reduce(list(position.T))
+    first = np.minimum.reduce(list(np.where(position >= 0, position, np.int64(2**62)).T))
+    # negative where either has no unknown
+    reach = last[owner] - first[neighbour]
+    width = max(int(reach.max(initial=0)), int((last - first).max(initial=0)))
     return Ordering(position, width, int(ordered.sum()))
 
 

@@ -1,8 +1,8 @@
 """The linear element turned with its cell: forces and tangents of large motion with small strain.
 
-W(x) = d.K d / 2 with d_a = R^T x_a - X_a, R the polar rotation of the mean deformation gradient
-sum x_a (x) G_a at the cell's centre, and K the linear matrix, whatever its formulation. At rest it is
-that matrix. R R_0 follows any rotation, so d is small where strain is, and no stress acts on
+W(x) = d.K d / 2 with d_a = R^T x_a - X_a, R the polar rotation of the deformation gradient
+sum x_a (x) G_a at the cell's centre, and K the linear matrix, whatever its formulation. At rest
+it is that matrix. d is small where strain is, whatever the rotation, and no stress acts on
 internal modes: none buckles. (Moita & Crisfield, IJNME 39 (1996) 3775; projectors as Nour-Omid &
 Rankin 1991, Felippa & Haugen 2005, here with the exact spin of the polar rotation.)
 """
@@ -76,12 +76,7 @@ class Corotational:
         self.name, self.cells = block.name, block.cells
         count, nodes = block.cells.shape
         self._foretold = ForetoldStress((count, 3 * nodes))
-        self._free_force = None
-        if block.free_strain is not None:
-            self._free_force = np.empty((count, 3 * nodes))
-            for start in range(0, count, _CHUNK):
-                which = np.arange(start, min(start + _CHUNK, count))
-                self._free_force[which] = self._held_force(which)
+        self.set_free_strain(block.free_strain)
 
     def response(self, which: Long, u: Float, want: Want) -> tuple[Float, Float | None]:
         """See `ElementResponse`."""
@@ -133,6 +128,15 @@ class Corotational:
     def commit(self, u: Float) -> None:
         """See `ElementResponse`; there is nothing to keep."""
 
+    def set_free_strain(self, free_strain: Float | None) -> None:
+        """See `ElementResponse`."""
+        self._free_strain, self._free_force = free_strain, None
+        if free_strain is not None:
+            count = len(self.cells)
+            chunks = range(0, count, _CHUNK)
+            parts = [np.arange(start, min(start + _CHUNK, count)) for start in chunks]
+            self._free_force = np.concatenate([self._held_force(which) for which in parts])
+
     def strain_extent(self, which: Long, u: Float) -> Float:
         """See `ElementResponse`."""
         return largest_principal_strain(self.point_values(which, u).strain)
@@ -143,12 +147,13 @@ class Corotational:
         frame, block = self._frame(which, u), self.block
         nodes = block.relative(block.points, which)
         strained = frame.strained.reshape(nodes.shape)
-        moduli, free = block.law.stiffness(), block.free(which)
+        moduli = block.law.stiffness()
+        free = None if self._free_strain is None else self._free_strain[which]
         stress, volume = point_stress(self.name, block.formulation, nodes, strained, moduli, free)
         jacobian = reference_gradient(nodes, block.rule)
         slope = reference_gradient(strained, block.rule)
         slope = times(slope, inverse(jacobian, determinant(jacobian)))
-        strain = np.linalg.solve(moduli, stress[..., None])[..., 0]
+        strain = stress @ np.linalg.inv(moduli)
         strain += 0.5 * strain_change(slope, slope)
         if free is not None:
             strain += free
@@ -156,16 +161,18 @@ class Corotational:
         return PointValues(pushed_forward(rotation, stress), stress, strain, volume)
 
     def _held_force(self, which: Long) -> Float:
-        """(m,3k) linear nodal forces of the free strain, in the cell's frame."""
+        """(m,3k) linear nodal forces of the free strain, in the cell's frame: those of cells whose
+        nodes are held, with the sign changed."""
         block = self.block
         nodes = block.relative(block.points, which)
         kind = self.name, block.formulation, nodes
         moduli = block.law.stiffness()
-        held, _ = point_stress(*kind, np.zeros_like(nodes), moduli, block.free(which))
+        assert self._free_strain is not None
+        held, _ = point_stress(*kind, np.zeros_like(nodes), moduli, self._free_strain[which])
         return -internal_force(*kind, held).reshape(len(nodes), -1)
 
     def _local_force(self, which: Long, matrices: Float, strained: Float) -> Float:
-        force = np.matmul(matrices, strained[..., None])[..., 0]
+        force: Float = np.matmul(matrices, strained[..., None])[..., 0]
         return force if self._free_force is None else force - self._free_force[which]
 
     def _frame(self, which: Long, u: Float) -> CellFrame:
@@ -203,7 +210,7 @@ class Corotational:
 def _skew(vectors: Float) -> Float:
     """(m,3k,3) matrices of the products with vectors (m,k,3), one below the other."""
     count, nodes, _ = vectors.shape
-    return (vectors.reshape(-1, 3) @ _CROSS).reshape(count, 3 * nodes, 3)
+    return np.asarray((vectors.reshape(-1, 3) @ _CROSS).reshape(count, 3 * nodes, 3))
 
 
 _CROSS = np.array([[0.0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0],
@@ -242,4 +249,4 @@ def _turned(tangent: Float, rotation: Float) -> Float:
     nodes = width // 3
     right = np.matmul(tangent.reshape(count, nodes * width, 3), rotation.swapaxes(1, 2))
     turned = np.matmul(rotation[:, None], right.reshape(count, nodes, 3, width))
-    return turned.reshape(count, width, width)
+    return np.asarray(turned.reshape(count, width, width))

@@ -80,7 +80,7 @@ _RULES: dict[str, dict[str, int]] = {
     **{kind: {"full": count} for kind, count in FULL_POINTS.items()},
     "hex8": {"incompatible": 8, "full": FULL_POINTS["hex8"], "bbar": 8},
     "hex20": {"full": FULL_POINTS["hex20"], "reduced": 8},
-    "tet10": {"full": FULL_POINTS["tet10"], "exact": 14},
+    "tet10": {"full": FULL_POINTS["tet10"], "exact": 14, "bbar": 4},
     "wedge6": {"full": FULL_POINTS["wedge6"], "exact": 6},
 }
 _MASS_POINTS = {

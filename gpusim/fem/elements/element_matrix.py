@@ -10,6 +10,7 @@ is several times less work than B^T D B with its six strain rows per point.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -21,7 +22,7 @@ from gpusim.fem.elements.element import ELEMENTS, Rule, mode_gradient
 from gpusim.fem.elements.isoparametric_map import determinant, inverse, reference_gradient
 
 # Numbers in the largest temporary of a chunk: it should stay in the cache.
-_CHUNK_NUMBERS = 1 << 17
+_CHUNK_NUMBERS = 5 << 15
 # Strain component (xx yy zz xy yz zx) of the tensor's entry ij.
 _VOIGT = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
 # Where the modulus C_ikjl of (kl, ij) stands in the 6x6 matrix.
@@ -56,8 +57,8 @@ def element_stiffness(
     formulation : one of ``ELEMENTS[kind].formulations``, None: the first. "incompatible" (hex8:
         nine internal modes, Taylor, Beresford & Wilson, IJNME 10 (1976) 1211, gradients with the
         Jacobian at the centre scaled by detJ0/detJ so that the patch test holds on distorted
-        elements), "full", "reduced", "exact" (see ``gpusim.fem.elements.element``), "bbar" (hex8:
-        mean dilatation, Hughes, IJNME 15 (1980) 1413).
+        elements), "full", "reduced", "exact" (see ``gpusim.fem.elements.element``), "bbar" (hex8,
+        tet10: mean dilatation, Hughes, IJNME 15 (1980) 1413).
 
     Returns (M,3k,3k) float64, exactly symmetric. Raises InputError for an unknown formulation, or
     elements inverted at a quadrature point.
@@ -68,7 +69,8 @@ def element_stiffness(
     count, width = len(nodes), 3 * nodes.shape[1]
     result = np.empty((count, width, width))
     size = max(width * width, 6 * len(rule.weight) * width if name == "bbar" else 0)
-    step = max(16, _CHUNK_NUMBERS // size)
+    # as few parts as may be, of about equal size
+    step = -(-count // max(1, -(-count // max(16, _CHUNK_NUMBERS // size))))
     for start in range(0, count, step):
         part = slice(start, start + step)
         moduli = elasticity if elasticity.ndim == 2 else elasticity[part]
@@ -78,10 +80,10 @@ def element_stiffness(
         if name == "bbar":
             result[part] = _mean_dilatation(gradient, volume, moduli)
             continue
+        parts = [gradient]
         if name == "incompatible":
-            modes = _mode_gradients(local, rule, det)
-            gradient = np.concatenate([gradient, modes], axis=3)
-        matrix = _contract(_products(gradient, volume), moduli)
+            parts.append(_mode_gradients(local, rule, det))
+        matrix = _contract(_products(parts, volume), moduli)
         if name == "incompatible":
             matrix = _condensed(matrix, width)
         np.add(matrix, matrix.transpose(0, 2, 1), out=result[part])
@@ -126,14 +128,20 @@ def _mode_gradients(nodes: Float, rule: Rule, det: Float) -> Float:
     """(M,Q,3,3) gradients of the internal modes: derivative, then mode."""
     centre = np.tensordot(nodes, ELEMENTS["hex8"].centre_gradient, axes=(1, 0)).transpose(1, 2, 0)
     at_centre = determinant(centre)
-    modes = np.einsum("jim,qcj->mqic", inverse(centre, at_centre), mode_gradient(rule))
-    return np.asarray(modes * (at_centre[:, None] / det)[:, :, None, None])
+    # each mode varies along its own axis alone
+    slope = np.einsum("qcc->qc", mode_gradient(rule))
+    back = inverse(centre, at_centre).transpose(2, 1, 0)
+    modes = back[:, None] * slope[:, None]
+    modes *= (at_centre[:, None] / det)[:, :, None, None]
+    return np.asarray(modes)
 
 
-def _products(gradient: Float, volume: Float) -> Float:
-    """H (M,3k,3k): integral of the products of any two gradients (M,Q,3,k)."""
-    count, points, _, width = gradient.shape
-    root = (gradient * np.sqrt(volume)[:, :, None, None]).reshape(count, points, 3 * width)
+def _products(gradients: Sequence[Float], volume: Float) -> Float:
+    """H (M,3k,3k): integral of the products of any two of the gradients (M,Q,3,…), k in all."""
+    count, points = volume.shape
+    factor = np.sqrt(volume)[:, :, None, None]
+    root = np.concatenate([one * factor for one in gradients], axis=3)
+    root = root.reshape(count, points, -1)
     return np.asarray(np.matmul(root.transpose(0, 2, 1), root))
 
 

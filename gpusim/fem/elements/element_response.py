@@ -17,7 +17,7 @@ from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.errors import NotConverged, require
 from gpusim.fem.elements.element import ELEMENTS, Rule
 from gpusim.fem.elements.isoparametric_map import determinant, reference_gradient
-from gpusim.fem.materials.law import Law
+from gpusim.fem.materials.law import Material
 
 # elements that are checked at a time
 _CHUNK = 4096
@@ -38,16 +38,16 @@ class ElementBlock:
 
     name, formulation : a key of ``ELEMENTS`` and one of its formulations.
     points : (N,3) reference positions of all nodes; ``cells`` (M,k) their numbers.
-    free_strain : (M,Q,6) strain that causes no stress, engineering shear, along the axes of the
-        reference configuration; None: none. It is subtracted from the Green-Lagrange strain, so a
-        stretch 1 + e of heat is e + e^2/2.
+    free_strain : (M,Q,6) strain that causes no stress, engineering shear, along global axes at
+        rest, so that it turns with the material; None: none. At finite strain it is subtracted
+        from the Green-Lagrange strain: a stretch 1 + e of heat is e + e^2/2.
     """
 
     name: str
     formulation: str
     points: Float
     cells: Int
-    law: Law
+    law: Material
     free_strain: Float | None = None
 
     def __post_init__(self) -> None:
@@ -76,13 +76,10 @@ class ElementBlock:
         nodal = values[self.cells[which]]
         return nodal - nodal[:, :1]
 
-    def free(self, which: Long) -> Float | None:
-        return None if self.free_strain is None else self.free_strain[which]
-
 
 def centre_slope(values: Float, gradient: Float) -> Float:
     """(3,3,m) of nodal values (m,k,3) and the gradients of the nodes, (k,3) or (m,k,3)."""
-    return np.matmul(values.swapaxes(1, 2), gradient).transpose(1, 2, 0)
+    return np.asarray(np.matmul(values.swapaxes(1, 2), gradient).transpose(1, 2, 0))
 
 
 class ForetoldStress:
@@ -143,6 +140,7 @@ class ElementResponse(Protocol):
 
     name: str
     cells: Int
+    block: ElementBlock
 
     def response(self, which: Long, u: Float, want: Want) -> tuple[Float, Float | None]:
         """Internal forces (m,3k), those left after condensation of internal modes, and the
@@ -170,6 +168,10 @@ class ElementResponse(Protocol):
 
     def commit(self, u: Float) -> None:
         """The step has converged at ``u``, where ``response`` was asked last."""
+        ...
+
+    def set_free_strain(self, free_strain: Float | None) -> None:
+        """From now on points are free to strain so, see `ElementBlock`."""
         ...
 
     def strain_extent(self, which: Long, u: Float) -> Float:

@@ -1,9 +1,9 @@
-"""The incompatible hexahedron at finite strain: its modes transposed behind the motion of the centre.
+"""The incompatible hexahedron at finite strain: its modes transposed behind the centre's motion.
 
-F = F_u + F_0 sum_c h_c (x) a_c with the modes' gradients h_c of the linear element (Taylor, Beresford &
-Wilson 1976) and F_0 at the cell's centre (Glaser & Armero, Eng. Comput. 14 (1997) 759). The linear
-element where motion is small; and pressure softens no mode, as it does with F_u + sum_c a_c (x) h_c,
-which buckles at a strain of 1/a^2 where cells are a times as long as thick.
+F = F_u + F_0 sum_c h_c (x) a_c with the modes' gradients h_c of the linear element (Taylor,
+Beresford & Wilson 1976) and F_0 at the cell's centre (Glaser & Armero, Eng. Comput. 14 (1997)
+759). It is the linear element where motion is small, and pressure softens no mode. (With F_u + sum_c a_c (x) h_c
+it does: cells a times as long as thick buckle at a strain of 1/a^2.)
 
 Modes are eliminated from the tangent and move with each global step. Solving for them inside each
 element is far less robust.
@@ -61,39 +61,40 @@ class EnhancedModes(TotalLagrangian):
         super().__init__(block)
         count, width = len(block.cells), 3 * block.cells.shape[1]
         self._modes = np.zeros((count, 9))
-        # by a unit motion of each unknown, and by the modes' own forces
+        # motion of modes, with the sign changed, by their own forces and by unit motions of nodes
         self._elimination = np.zeros((count, 9, width + 1))
 
     def response(self, which: Long, u: Float, want: Want) -> tuple[Float, Float | None]:
         """See `ElementResponse`. Forces that come with the material part are those left after
-        condensation with it."""
+        condensation with it; a step after forces alone moves the modes by the last tangent's
+        elimination."""
         motion = self._motion(which, u)
         geometry, count = motion.geometry, len(which)
         update = self._update(which, motion.strain, True)
         assert update.moduli is not None
-        stress = None
+        rows, shapes = strain_rows(motion.gradient, geometry.back), self._moved_shapes(motion)
+        nodes = node_rows(shapes)
+        inner, mixed = self._mode_moduli(motion, rows, update.moduli)
+        outer = np.matmul(nodes, mixed).reshape(count, -1, 9)
         if want is not Want.MATERIAL:
             stress = self._foretold.instead_of(update.stress, which)
-        rows = strain_rows(motion.gradient, geometry.back)
-        inner, mixed = self._mode_moduli(motion, rows, update.moduli, stress)
-        shapes = self._moved_shapes(motion)
-        nodes = node_rows(shapes)
-        outer = np.matmul(nodes, mixed.reshape(count, -1, 27))
-        if stress is not None:
-            outer += self._turning(motion, stress)
-        outer = outer.reshape(count, -1, 9)
-        solved = self._solved(inner, outer, self._mode_forces(motion, update.stress))
+            added = self._mode_geometric(motion, shapes, stress)
+            inner, outer = inner + added[0], outer + added[1]
+        right = self._mode_forces(motion, update.stress)[..., None]
+        if want is not Want.FORCES:
+            right = np.concatenate([right, outer.swapaxes(1, 2)], axis=2)
+        solved = self._solved(inner, right)
+        if want is not Want.MATERIAL:
+            self._elimination[which, :, : right.shape[2]] = solved
         flux = self._flux(motion, motion.gradient, update.stress)
         forces = np.matmul(nodes, flux.reshape(count, -1, 3)).reshape(count, -1)
-        forces -= np.matmul(outer, solved[..., -1:])[..., 0]
-        if stress is not None:
-            self._elimination[which] = solved
+        forces -= np.matmul(outer, solved[..., :1])[..., 0]
         if want is Want.FORCES:
             return forces, None
         moduli = material_part(rows, update.moduli, geometry.volume)
-        if stress is not None:
+        if want is Want.TANGENT:
             add_geometric(moduli, self._flux(motion, geometry.back, stress))
-        return forces, stiffness_of(moduli, shapes) - np.matmul(outer, solved[..., :-1])
+        return forces, stiffness_of(moduli, shapes) - np.matmul(outer, solved[..., 1:])
 
     def advance(self, which: Long, u: Float, du: Float, foretell: bool) -> None:
         """See `ElementResponse`."""
@@ -133,58 +134,63 @@ class EnhancedModes(TotalLagrangian):
         """(m,Q,3,k) slopes by motion of the nodes, which moves F_0 too."""
         turned = times(motion.mode_slope, motion.geometry.jacobian).swapaxes(0, 1)
         by_centre = motion.centre_gradient.swapaxes(1, 2)[:, None]
-        return self.shapes + np.matmul(point_matrices(turned), by_centre)
+        return np.asarray(self.shapes + np.matmul(point_matrices(turned), by_centre))
 
     def _mode_forces(self, motion: ModeMotion, stress: Float) -> Float:
         """(m,9) of the modes, [J,c]."""
         piola = times(motion.gradient, tensor(stress) * motion.geometry.volume)
-        return times(piola.swapaxes(0, 1), motion.moved).sum(axis=3).reshape(9, -1).T
+        total: Float = times(piola.swapaxes(0, 1), motion.moved).sum(axis=3)
+        return total.reshape(9, -1).T
 
-    def _mode_moduli(
-        self, motion: ModeMotion, rows: Float, moduli: Float, stress: Float | None
-    ) -> tuple[Float, Float]:
-        """Second derivatives of energy by the modes (m,9,9), and by slopes and modes (m,Q,9,9),
-        [J,i] and [L,c]. Without ``stress``: the material part alone."""
+    def _mode_moduli(self, motion: ModeMotion, rows: Float, moduli: Float) -> tuple[Float, Float]:
+        """Second derivatives of energy by the modes (m,9,9), and by slopes and modes (m,3Q,27),
+        [J] and [i,L,c]: the material part."""
         volume = motion.geometry.volume
         count = len(volume)
         pulled = times(motion.gradient.swapaxes(0, 1), motion.moved)
         mode_rows = point_rows(strain_rows(pulled.swapaxes(0, 1), IDENTITY))
-        by_modes = np.matmul(moduli, mode_rows) * volume[..., None, None]
+        by_modes = np.matmul(moduli, mode_rows)
+        by_modes *= volume[..., None, None]
         flat = mode_rows.reshape(count, -1, 9)
         inner = np.matmul(flat.swapaxes(1, 2), by_modes.reshape(count, -1, 9))
         mixed = np.matmul(point_rows(rows).swapaxes(2, 3), by_modes)
-        if stress is not None:
-            metric = times(motion.moved.swapaxes(0, 1), motion.moved)
-            sums = point_sums(tensor(stress) * volume, metric)
-            inner += sums.transpose(0, 1, 3, 2, 4).reshape(inner.shape)
-            across = self._flux(motion, IDENTITY, stress)[:, :, :, None, :, None]
-            moved = point_matrices(motion.moved)[:, :, None, :, None, :]
-            mixed += (across * moved).reshape(mixed.shape)
-        return inner, mixed
+        return inner, mixed.reshape(count, -1, 27)
 
-    def _turning(self, motion: ModeMotion, stress: Float) -> Float:
-        """(m,k,27), [a,(i,L,c)]: what stress does because motion of the nodes turns the modes."""
-        piola = times(motion.gradient, tensor(stress) * motion.geometry.volume)
-        sums = point_sums(piola, motion.mode_gradients).transpose(0, 3, 1, 2, 4)
-        return np.matmul(motion.centre_gradient, sums.reshape(-1, 3, 27))
+    def _mode_geometric(
+        self, motion: ModeMotion, shapes: Float, stress: Float
+    ) -> tuple[Float, Float]:
+        """What stress adds to the second derivatives by the modes (m,9,9), and by the nodes and
+        the modes (m,3k,9): their gradients change together, and motion of nodes turns the modes."""
+        weighted = tensor(stress) * motion.geometry.volume
+        metric = times(motion.moved.swapaxes(0, 1), motion.moved)
+        inner = point_sums(weighted, metric).transpose(0, 1, 3, 2, 4)
+        count, points, _, nodes = shapes.shape
+        across = np.matmul(shapes.swapaxes(2, 3), self._flux(motion, IDENTITY, stress))
+        moved = point_matrices(motion.moved).reshape(count, points, 9)
+        sums = np.matmul(across.reshape(count, points, -1).swapaxes(1, 2), moved)
+        outer = sums.reshape(count, nodes, 3, 3, 3).swapaxes(2, 3)
+        turned = point_sums(times(motion.gradient, weighted), motion.mode_gradients)
+        turned = turned.transpose(0, 3, 1, 2, 4).reshape(count, 3, 27)
+        turning = np.matmul(motion.centre_gradient, turned)
+        return inner.reshape(count, 9, 9), turning.reshape(count, -1, 9) + outer.reshape(
+            count, -1, 9
+        )
 
-    def _solved(self, inner: Float, outer: Float, forces: Float) -> Float:
-        """(m,9,3k+1) motion of the modes, with the sign changed, by unit motions of the nodes and,
-        last, by the modes' own forces."""
-        right = np.concatenate([outer.swapaxes(1, 2), forces[..., None]], axis=2)
+    def _solved(self, inner: Float, right: Float) -> Float:
+        """The modes' motion, with the sign changed, by the columns of ``right``."""
         try:
-            return np.linalg.solve(inner, right)
+            return np.asarray(np.linalg.solve(inner, right))
         except np.linalg.LinAlgError:
             raise NotConverged(
-                f"{self.name}: internal modes of a cell have lost their stiffness; got a singular "
-                "matrix; expected smaller steps"
+                f"{self.name}: the internal modes of a cell have lost their stiffness; got a "
+                "singular matrix; expected a smaller step"
             ) from None
 
     def _mode_change(self, which: Long, step: Float) -> Float:
         """(m,9) by a step (m,k,3) of the nodes."""
         solved = self._elimination[which]
-        by_nodes = np.matmul(solved[..., :-1], step.reshape(len(step), -1, 1))[..., 0]
-        return -solved[..., -1] - by_nodes
+        by_nodes = np.matmul(solved[..., 1:], step.reshape(len(step), -1, 1))[..., 0]
+        return np.asarray(-solved[..., 0] - by_nodes)
 
     def _slope_change(self, which: Long, motion: PointMotion, step: Float) -> Float:
         assert isinstance(motion, ModeMotion)

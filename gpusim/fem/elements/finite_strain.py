@@ -6,7 +6,10 @@ the displacement gradient du_i/dX_j: strains of it keep their digits however sma
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
+import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
 from gpusim.fem.elements.element import Rule
@@ -73,7 +76,10 @@ def strain_rows(gradient: Float, back: Float) -> Float:
 
     ``gradient`` F[i,I] of the state, ``back`` dxi_J/dX_I.
     """
-    rows = np.empty((6, 3, 3, *gradient.shape[2:]))
+    count, points = gradient.shape[2:]
+    # a stride that isn't a power of two: columns of one don't share their lines of the cache
+    padded = np.empty((6, 3, 3, count * points + 8))
+    rows = padded[..., :-8].reshape(6, 3, 3, count, points)
     for s, (i, j) in enumerate(PAIRS):
         np.multiply(back[:, None, j], gradient[None, :, i], out=rows[s])
         if i != j:
@@ -83,18 +89,16 @@ def strain_rows(gradient: Float, back: Float) -> Float:
 
 def point_rows(rows: Float) -> Float:
     """(M,Q,6,9), contiguous, of (6,3,3,M,Q)."""
-    count, points = rows.shape[3:]
-    flat = rows.reshape(54, count * points).T
-    return np.ascontiguousarray(flat).reshape(count, points, 6, 9)
+    return np.ascontiguousarray(rows.transpose(3, 4, 0, 1, 2)).reshape(*rows.shape[3:], 6, 9)
 
 
 def material_part(rows: Float, moduli: Float, volume: Float) -> Float:
     """(M,Q,3,3,3,3) second derivative of energy by slopes, [J,i,k,L], of moduli (6,6) or
     (M,Q,6,6), ``rows`` as of ``strain_rows`` and volumes (M,Q)."""
-    swapped = np.ascontiguousarray(rows.swapaxes(1, 2))
-    stress = np.matmul(moduli, point_rows(swapped)) * volume[..., None, None]
+    stress = np.matmul(moduli, point_rows(rows.swapaxes(1, 2)))
+    stress *= volume[..., None, None]
     second = np.matmul(point_rows(rows).swapaxes(2, 3), stress)
-    return second.reshape(*volume.shape, 3, 3, 3, 3)
+    return np.asarray(second.reshape(*volume.shape, 3, 3, 3, 3))
 
 
 def add_geometric(moduli: Float, flux: Float) -> None:
@@ -107,7 +111,7 @@ def point_sums(left: Float, right: Float) -> Float:
     """(M,a,b,c,d) sum over points of left (a,b,M,Q) times right (c,d,M,Q)."""
     first = left.reshape(9, *left.shape[2:]).transpose(1, 0, 2)
     second = right.reshape(9, *right.shape[2:]).transpose(1, 2, 0)
-    return np.matmul(first, second).reshape(-1, 3, 3, 3, 3)
+    return np.asarray(np.matmul(first, second).reshape(-1, 3, 3, 3, 3))
 
 
 def node_rows(gradient: Float) -> Float:
@@ -122,8 +126,14 @@ def stiffness_of(moduli: Float, gradient: Float) -> Float:
     nodes = gradient.shape[-1]
     half = np.matmul(moduli.reshape(count, points, 27, 3), gradient)
     both = np.matmul(node_rows(gradient), half.reshape(count, 3 * points, 9 * nodes))
-    by_node = both.reshape(count, nodes, 3, 3, nodes).swapaxes(3, 4)
-    return np.ascontiguousarray(by_node).reshape(count, 3 * nodes, 3 * nodes)
+    by_node = np.take(both.reshape(count, -1), _order(nodes), axis=1)
+    return by_node.reshape(count, 3 * nodes, 3 * nodes)
+
+
+@cache
+def _order(nodes: int) -> npt.NDArray[np.intp]:
+    """Where the entries (a,i,b,k) are in (a,i,k,b)."""
+    return np.arange(9 * nodes * nodes).reshape(nodes, 3, 3, nodes).swapaxes(2, 3).ravel()
 
 
 def reference_shapes(rule: Rule) -> Float:
@@ -146,4 +156,4 @@ def largest_principal_strain(strain: Float) -> Float:
     ends = [mean + 2.0 * size * np.cos(angle + turn) for turn in (0.0, 2.0 * np.pi / 3.0)]
     # 1 + 2 E is a square: below zero by rounding alone
     biot = [2.0 * e / (1.0 + np.sqrt(np.maximum(1.0 + 2.0 * e, 0.0))) for e in ends]
-    return np.abs(biot).max(axis=(0, 2))
+    return np.asarray(np.abs(biot).max(axis=(0, 2)))

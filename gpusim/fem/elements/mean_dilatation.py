@@ -1,8 +1,8 @@
 """Mean dilatation at finite strain, from an energy: forces are its derivative, tangents symmetric.
 
-The volume ratio J of every point is replaced by the element's mean: F~ = (J_mean / J)^(1/3) F in the
-law's energy. B-bar (Hughes 1980) where motion is small. (F-bar of de Souza Neto et al. 1996 has no
-energy, so its tangent isn't symmetric.)
+The volume ratio J of every point is replaced by the element's mean: the law's energy is taken at
+(J_mean / J)^(1/3) F. It is B-bar (Hughes 1980) where motion is small. (F-bar of de Souza Neto et
+al. 1996 has no energy, so its tangent isn't symmetric.)
 """
 
 from __future__ import annotations
@@ -53,7 +53,8 @@ class MeanDilatation(TotalLagrangian):
 
         def at_nodes(values: Float) -> Float:
             """(m,3k) of [J,i] at points."""
-            return np.matmul(nodes, values.reshape(len(which), -1, 3)).reshape(len(which), -1)
+            by_node: Float = np.matmul(nodes, values.reshape(len(which), -1, 3))
+            return by_node.reshape(len(which), -1)
 
         flux, pressure, excess = self._volumetric(motion, update.stress)
         forces = at_nodes(flux + (excess / 3.0)[..., None, None] * spatial)
@@ -127,7 +128,7 @@ class MeanDilatation(TotalLagrangian):
         change = (motion.spatial.swapaxes(0, 1) * slope).sum(axis=(0, 1))
         mean = (motion.share * change).sum(axis=1, keepdims=True)
         stretched = motion.stretch * times(slope, motion.geometry.back)
-        return stretched + (mean - change) / 3.0 * motion.gradient
+        return np.asarray(stretched + (mean - change) / 3.0 * motion.gradient)
 
 
 def _metric(strain: Float) -> Float:

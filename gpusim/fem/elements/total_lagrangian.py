@@ -38,7 +38,7 @@ from gpusim.fem.elements.finite_strain import (
     volume_change,
 )
 from gpusim.fem.elements.isoparametric_map import determinant, inverse, reference_gradient, times
-from gpusim.fem.materials.law import Update
+from gpusim.fem.materials.law import Law, Update
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,13 +75,15 @@ class TotalLagrangian:
 
     def __init__(self, block: ElementBlock) -> None:
         self.block, self.name, self.cells = block, block.name, block.cells
+        assert isinstance(block.law, Law)
         self.rule, self.law = block.rule, block.law
         self.shapes = reference_shapes(self.rule)
         count, points = len(block.cells), len(self.rule.weight)
         self._foretold = ForetoldStress((count, points, 6))
-        size = block.law.state_size
+        size = self.law.state_size
         self._state = np.zeros((count, points, size)) if size else None
         self._trial = None if self._state is None else self._state.copy()
+        self._free_strain = block.free_strain
 
     def response(self, which: Long, u: Float, want: Want) -> tuple[Float, Float | None]:
         """See `ElementResponse`."""
@@ -135,6 +137,10 @@ class TotalLagrangian:
         self._state = self._trial
         self._trial = None if self._state is None else self._state.copy()
 
+    def set_free_strain(self, free_strain: Float | None) -> None:
+        """See `ElementResponse`."""
+        self._free_strain = free_strain
+
     def strain_extent(self, which: Long, u: Float) -> Float:
         """See `ElementResponse`."""
         return largest_principal_strain(self._motion(which, u).strain)
@@ -168,10 +174,10 @@ class TotalLagrangian:
         return self._slope(motion.geometry, step)
 
     def _law(self, which: Long, strain: Float, moduli: bool) -> Update:
-        free = self.block.free(which)
-        elastic = strain if free is None else strain - free
+        if self._free_strain is not None:
+            strain = strain - self._free_strain[which]
         state = None if self._state is None else self._state[which]
-        return self.law.update(elastic, state, moduli=moduli)
+        return self.law.update(strain, state, moduli=moduli)
 
     def _update(self, which: Long, strain: Float, moduli: bool) -> Update:
         update = self._law(which, strain, moduli)

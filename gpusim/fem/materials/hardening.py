@@ -14,7 +14,7 @@ from gpusim.fem.materials.constants import FROM_ZERO, POSITIVE, constant
 from gpusim.validation import finite_numbers, is_number, require
 
 _ITERATIONS = 50
-_ROUNDING = 4.0 * np.finfo(np.float64).eps
+_ROUNDING = 16.0 * np.finfo(np.float64).eps
 
 
 @dataclass(frozen=True)

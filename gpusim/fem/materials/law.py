@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from gpusim.arrays.array_types import Float
+from gpusim.field_summary import field_summary
 
 
 @runtime_checkable
@@ -50,6 +51,7 @@ class Update:
     stress: Float
     moduli: Float | None
     state: Float | None
+    __repr__ = field_summary
 
 
 @runtime_checkable

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -15,15 +16,15 @@ from gpusim.validation import require
 _SAME = 1e-9  # of the stiffness' largest entry
 
 
-class LinearElasticity:
+class LinearElasticity(ABC):
     """The part of a law that follows from ``stiffness()`` alone."""
 
     state_size: ClassVar[int] = 0
     finite_strain: ClassVar[bool] = False
 
+    @abstractmethod
     def stiffness(self) -> Float:
         """(6,6) stress over strain, order xx yy zz xy yz zx, engineering shear strains."""
-        raise NotImplementedError
 
     def update(self, strain: Float, state: Float | None, *, moduli: bool) -> Update:
         """Stress linear in the strain (…,6); moduli (6,6), the same everywhere; no state."""

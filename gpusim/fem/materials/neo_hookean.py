@@ -14,6 +14,7 @@ from gpusim.fem.materials.law import Update
 from gpusim.fem.materials.symmetric_tensors import (
     FULL,
     cofactors,
+    components_last,
     first_row_product,
     sandwich_product,
     symmetric_part,
@@ -39,7 +40,7 @@ class NeoHookean(IsotropicConstants):
     >>> rubber = gs.NeoHookean(E=3e6, nu=0.45)
     >>> stretched = np.array([0.5 * (1.5**2 - 1), 0, 0, 0, 0, 0])
     >>> float(rubber.update(stretched, None, moduli=False).stress[0].round())
-    2256690.0
+    2252499.0
     """
 
     state_size: ClassVar[int] = 0
@@ -57,10 +58,11 @@ class NeoHookean(IsotropicConstants):
         dilatation = 0.5 * self.lame * np.log1p(growth)
         product = np.einsum("ijp,jkp->ikp", inverse[FULL], E2[FULL])
         stress = self.shear * symmetric_part(product) + dilatation * inverse
-        stress = stress.T.reshape(strain.shape)
+        stress = components_last(stress, strain.shape[:-1])
         if not moduli:
             return Update(stress, None, None)
-        products = inverse[:, None] * inverse
-        matrices = sandwich_product(products) * (2.0 * (self.shear - dilatation))[:, None, None]
-        matrices += self.lame * products.reshape(36, -1).T.reshape(-1, 6, 6)
+        weighted = 2.0 * (self.shear - dilatation) * inverse
+        matrices = sandwich_product(weighted[None], inverse[None])
+        inverse = components_last(inverse, (-1,))
+        matrices += self.lame * inverse[:, :, None] * inverse[:, None]
         return Update(stress, matrices.reshape(*strain.shape, 6), None)

@@ -9,10 +9,11 @@ from gpusim.arrays.array_types import Float
 from gpusim.fem.materials.cauchy_green import tensor_components
 from gpusim.fem.materials.isotropic_constants import IsotropicConstants
 from gpusim.fem.materials.law import Update
+from gpusim.fem.materials.linear_elasticity import LinearElasticity
 
 
 @dataclass(frozen=True)
-class SaintVenantKirchhoff(IsotropicConstants):
+class SaintVenantKirchhoff(IsotropicConstants, LinearElasticity):
     """Second Piola-Kirchhoff stress linear in the Green-Lagrange strain, in any consistent units.
 
     For large displacements and rotations with strains of a few percent: pressed to 0.58 of its
@@ -33,12 +34,9 @@ class SaintVenantKirchhoff(IsotropicConstants):
     array([240.,  80.,  80.,   0.,   0.,   0.])
     """
 
-    state_size: ClassVar[int] = 0
     finite_strain: ClassVar[bool] = True
 
     def update(self, strain: Float, state: Float | None, *, moduli: bool) -> Update:
         """Stress linear in the strain (…,6); moduli (6,6), the same everywhere; no state."""
-        tensor_components(strain)
-        matrix = self.stiffness()
-        stress = (strain.reshape(-1, 6) @ matrix).reshape(strain.shape)
-        return Update(stress, matrix if moduli else None, None)
+        tensor_components(strain)  # refuses what no body can have
+        return super().update(strain, state, moduli=moduli)

@@ -42,27 +42,36 @@ def symmetric_part(matrices: Float) -> Float:
     return np.asarray(0.5 * (matrices[ROW, COLUMN] + matrices[COLUMN, ROW]))
 
 
+def components_last(a: Float, shape: tuple[int, ...]) -> Float:
+    """(…,n) in one piece, of components (n,P)."""
+    return np.ascontiguousarray(a.T).reshape(*shape, len(a))
+
+
 def _rearrangement() -> Float:
+    """(21,36) from products of two tensors' components x <= y to the sandwich product."""
     table = np.zeros((6, 6, 6, 6))
     for row, (i, j) in enumerate(zip(ROW, COLUMN, strict=True)):
         for column, (k, m) in enumerate(zip(ROW, COLUMN, strict=True)):
             for x, y in ((FULL[i, k], FULL[j, m]), (FULL[i, m], FULL[j, k])):
-                table[x, y, row, column] += 0.25
-                table[y, x, row, column] += 0.25
-    return table.reshape(36, 36)
+                table[min(x, y), max(x, y), row, column] += 0.5
+    return table[np.triu_indices(6)].reshape(21, 36)
 
 
 _REARRANGED = _rearrangement()
 
 
-def sandwich_product(products: Float) -> Float:
-    """(P,6,6) fourth-order tensors that send a symmetric e to the symmetric part of a e b.
+def sandwich_product(a: Float, b: Float) -> Float:
+    """(P,6,6) fourth-order tensors that send a symmetric e to the sum of a_k e b_k.
 
-    ``products`` (6,6,P) are those of the components of a and b; sums of such may be given.
+    ``a`` and ``b`` (K,6,P) are tensors whose sum of products is the same if they are exchanged.
     Components are plain, as those of moduli: times engineering strain they give a e b. One
     product with a constant matrix rearranges them and puts the components last.
     """
-    return np.asarray(products.reshape(36, -1).T @ _REARRANGED).reshape(-1, 6, 6)
+    products, at = np.empty((21, a.shape[-1])), 0
+    for x in range(6):
+        np.einsum("kn,kyn->yn", a[:, x], b[:, x:], out=products[at : at + 6 - x])
+        at += 6 - x
+    return np.asarray(products.T @ _REARRANGED).reshape(-1, 6, 6)
 
 
 def strain_rotation(axes: npt.NDArray[Any]) -> Float:

@@ -17,7 +17,7 @@ from gpusim.fem.lattice.stencil import StencilProduct
 from gpusim.fem.multigrid.column_blocks import Columns
 from gpusim.fem.multigrid.transfer import in_single
 from gpusim.fem.sparse.block_rows import block_diagonal, pattern, ranges
-from gpusim.fem.sparse.matrix_product import Product, row_shares
+from gpusim.fem.sparse.matrix_product import Product, add_rows, row_shares
 from gpusim.parallel.threads import ahead, shared
 
 _STRENGTH = 0.08
@@ -127,14 +127,16 @@ def galerkin(matrix: Product, prolongation: bsr_matrix) -> bsr_matrix:
     place = np.repeat(np.arange(count), np.diff(start)) * count + column
     blocks = np.zeros((len(column), width, width))
 
-    def coarsened(rows: slice) -> bsr_matrix:
+    def coarsened(rows: slice) -> tuple[Int, Float]:
         interpolation = _double(_rows(prolongation, rows))
-        return bsr_matrix(interpolation.T @ _image(matrix, rows, prolongation))
+        part = bsr_matrix(interpolation.T @ _image(matrix, rows, prolongation))
+        row = np.repeat(np.arange(count), np.diff(part.indptr))
+        at = np.searchsorted(place, row * count + part.indices)
+        return at.astype(np.int32), part.data
 
     # one part after the other: all of them together take several times as much as their sum
-    for part in ahead(coarsened, _parts(matrix.others)):
-        row = np.repeat(np.arange(count), np.diff(part.indptr))
-        blocks[np.searchsorted(place, row * count + part.indices)] += part.data
+    for at, part in ahead(coarsened, _parts(matrix.others)):
+        add_rows(blocks.reshape(-1, width * width), at, part)
     blocks /= matrix.scale
     return bsr_matrix((blocks, column, start), shape=(width * count,) * 2)
 

@@ -103,7 +103,7 @@ def _by_arc_length(
 def _step(equation: Equation, stepping: _Stepping, factors: Float, wanted: bool) -> LoadStep:
     u, done = stepping.u, stepping.iterations
     held = ~equation.free
-    reactions = np.where(held, equation.internal(u) - equation.external(u, factors), 0.0)
+    reactions = np.where(held, equation.internal(u, factors) - equation.external(u, factors), 0.0)
     return LoadStep(
         factors, u, reactions, tuple(done), done[-1].error_estimate, stepping.substeps, wanted
     )

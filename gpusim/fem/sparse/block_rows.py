@@ -22,6 +22,10 @@ import numpy as np
 from scipy.sparse import bsr_matrix, csr_matrix
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long, Real
+from gpusim.parallel.threads import shared
+
+# blocks that are inverted at a time
+_PORTION = 2048
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +135,13 @@ def invert_blocks(blocks: Float, free: Bool) -> Float:
     """
     every = free.all(axis=1)
     result = np.zeros_like(blocks)
-    result[every] = _regular(blocks[every])
+    regular = np.flatnonzero(every)
+
+    def fill(first: int) -> None:
+        part = regular[first : first + _PORTION]
+        result[part] = _regular(blocks[part])
+
+    shared(fill, range(0, len(regular), _PORTION))
     # what rounding has spoilt, or what is partly fixed, goes the careful way
     careful = np.flatnonzero(~every | ~np.isfinite(result).all(axis=(1, 2)))
     result[careful] = _careful(blocks[careful], free[careful])

@@ -56,10 +56,10 @@ def transpose_pattern(start: Int, column: Int, value: Int) -> tuple[Int, Int, In
 
 
 def add_rows(table: Real, at: Int, values: Real) -> None:
-    """Add the rows of ``values`` (…,9) to the rows ``at`` (…) of ``table``, one after the other."""
-    count = at.size
+    """Add ``values`` to the rows ``at`` (…) of ``table`` (T,w), one row after the other."""
+    count, width = at.size, table.shape[1]
     _sparsetools.csc_matvecs(
-        len(table), count, 9, np.arange(count + 1, dtype=np.int32),
+        len(table), count, width, np.arange(count + 1, dtype=np.int32),
         np.ascontiguousarray(at, dtype=np.int32).ravel(), np.ones(count),
         np.ascontiguousarray(values).ravel(), table.ravel(),
     )  # fmt: skip

@@ -131,8 +131,9 @@ class BodyTable(Table):
     """Elements of other materials; an element belongs to the last entry that matches it."""
     formulation: Literal["incompatible", "full", "bbar", "reduced", "exact"] = "incompatible"
     """Of 8-node bricks "incompatible" (bends without locking), "full", or "bbar" (for rubber-like
-    bodies); of 20-node bricks "full" or "reduced"; of 6-node wedges "full" or "exact". An element
-    type that doesn't have it takes its own default."""
+    bodies); of 20-node bricks "full" or "reduced"; of 10-node tetrahedra "full", "exact" or "bbar";
+    of 6-node wedges "full" or "exact". An element type that doesn't have it takes its own
+    default."""
     mesh: MeshTable | None = None
     """What it is made of; ``builder`` says how the mesh is made, or ``file`` from which it is
     read."""

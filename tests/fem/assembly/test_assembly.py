@@ -9,7 +9,7 @@ from scipy.sparse import bsr_matrix
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Model, Orthotropic, solve
 from gpusim.fem.assembly.assembly import assemble, assemble_groups, group_matrix
-from gpusim.fem.assembly.element_batches import DistinctGroup, Group, model_groups
+from gpusim.fem.assembly.element_batches import DistinctGroup, Group, model_groups, pair_blocks
 from gpusim.fem.assembly.node_graph import NodeGraph
 from gpusim.fem.assembly.stiffness_rounding import Deformation
 from gpusim.fem.elements.element_matrix import element_stiffness
@@ -91,12 +91,61 @@ def test_unequal_elements_add_up_as_in_a_plain_sum(kind: str) -> None:
 
 def test_only_the_rows_of_some_nodes() -> None:
     mesh = irregular("wedge15")
-    edges = NodeGraph(model_groups(Model(mesh, [WOOD]), RULE), mesh.node_count)
-    every = edges.blocks(None)
+    groups = model_groups(Model(mesh, [WOOD]), RULE)
+    edges = NodeGraph(groups, mesh.node_count)
+    every = edges.blocks(groups, None)
     nodes = np.array([17, 3, 80])
     wanted = [every[edges.start[k] : edges.start[k + 1]] for k in nodes]
-    found = edges.blocks(nodes)
+    found = edges.blocks(groups, nodes)
     np.testing.assert_allclose(found, np.concatenate(wanted), atol=1e-15 * np.abs(every).max())
+
+
+class Softened:
+    """A stranger's elements: those of a group, each of another stiffness, never many at a time."""
+
+    def __init__(self, group: DistinctGroup, factor: np.ndarray) -> None:  # type: ignore[type-arg]
+        self.name, self.cells, self.distinct = group.name, group.cells, group.distinct
+        self._group, self._factor, self.most = group, factor, 0
+
+    def at(self, which: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+        self.most = max(self.most, len(which))
+        return self._factor[which, None, None] * self._group.at(which)
+
+    def blocks(self, which, diagonal):  # type: ignore[no-untyped-def]
+        return pair_blocks(self.at(which), diagonal)
+
+
+def test_a_pattern_is_filled_again_as_if_it_were_new() -> None:
+    mesh = box((1.3, 0.9, 0.7), (15, 13, 11))
+    mesh = mesh.moved(0.004 * np.random.default_rng(3).normal(size=mesh.points.shape))
+    groups = model_groups(Model(mesh, [WOOD]), RULE)
+    pattern = NodeGraph(groups, mesh.node_count)
+    first = pattern.fill(groups)
+    before = first.table.copy()
+    (group,) = groups
+    assert isinstance(group, DistinctGroup)
+    softened = Softened(group, np.random.default_rng(1).uniform(0.1, 1.0, len(group.cells)))
+    again, fresh = pattern.fill([softened]), NodeGraph([softened], mesh.node_count).fill([softened])
+    for one, other in (
+        (again, fresh),
+        (pattern.fill(groups), assemble_groups(groups, mesh.node_count)),
+    ):
+        np.testing.assert_array_equal(one.table, other.table)
+        np.testing.assert_array_equal(one.diagonal, other.diagonal)
+        np.testing.assert_array_equal(one.start, other.start)
+        np.testing.assert_array_equal(one.neighbour, other.neighbour)
+    # what was filled before stays
+    np.testing.assert_array_equal(first.table, before)
+    assert not np.allclose(again.table, before)
+    u = np.random.default_rng(2).normal(size=mesh.points.shape)
+    forces = np.zeros(u.shape)
+    for cell in range(len(group.cells)):
+        nodes = group.cells[cell]
+        matrix = softened.at(np.array([cell]))[0]
+        forces[nodes] += (matrix @ u[nodes].ravel()).reshape(-1, 3)
+    found = (block_matrix(again) @ u.ravel()).reshape(-1, 3)
+    np.testing.assert_allclose(found, forces, atol=1e-13 * np.abs(forces).max())
+    assert 0 < softened.most <= 512 < len(group.cells)
 
 
 def test_straight_tetrahedra_in_closed_form() -> None:

@@ -69,6 +69,10 @@ def test_increments_end_on_the_curve(hardening: Hardening) -> None:
             [(0.0, 450.0), (0.2, 500.0), (0.3, 490.0)],
             "yield stresses; got a step of -10 after pair 1; expected ones that don't fall",
         ),
+        (
+            np.ma.masked_equal([(0.0, 450.0), (0.2, 500.0)], 500.0),
+            "J2 hardening: masked; got an array with masked values",
+        ),
         (Voce(449.0, 1.0), "saturation below the yield stress; got 449.0; expected at least 450"),
     ],
 )

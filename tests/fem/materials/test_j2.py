@@ -156,7 +156,7 @@ def test_consistent_moduli_at_equal_stretches(hardening: Hardening) -> None:
 
 
 def test_unloading_is_elastic() -> None:
-    """Back by a little: state unchanged to the bit, moduli of elasticity, and so again and again."""
+    """Back by a little: the state is the same to the bit, moduli are those of elasticity."""
     law = gs.J2(STEEL, YIELD, 2e3)
     strain, _ = flowed(law, 0.02)
     state = law.update(strain, np.zeros((12, 7)), moduli=False).state
@@ -164,8 +164,11 @@ def test_unloading_is_elastic() -> None:
     np.testing.assert_array_equal(back.state, state)
     check_moduli(law, 0.995 * strain, state, 1e-5, 1e-9)
     # where it stopped it is on the yield surface: asked again, it doesn't flow by rounding
-    again = law.update(strain, state, moduli=False)
+    again = law.update(strain, state, moduli=True)
     np.testing.assert_array_equal(again.state, state)
+    stronger = gs.J2(STEEL, 1e6 * YIELD).update(strain, state, moduli=True)
+    assert again.moduli is not None and stronger.moduli is not None
+    np.testing.assert_allclose(again.moduli, stronger.moduli, rtol=0, atol=1e-12 * E)
 
 
 def test_below_the_yield_stress_it_is_hencky() -> None:
@@ -207,7 +210,9 @@ def test_points_flow_each_for_itself() -> None:
 def test_wrong_arguments_are_refused() -> None:
     with pytest.raises(gs.InputError, match="J2: elastic; got NeoHookean; expected an Isotropic"):
         gs.J2(gs.NeoHookean(E, NU), YIELD)  # type: ignore[arg-type]
-    with pytest.raises(gs.InputError, match="J2: yield_stress out of range; got 0.0; expected a n"):
+    with pytest.raises(
+        gs.InputError, match=r"J2: yield_stress out of range; got 0.0; expected a n"
+    ):
         gs.J2(STEEL, 0.0)
     with pytest.raises(gs.InputError, match="J2: yield_stress; got '250'; expected a number > 0"):
         gs.J2(STEEL, "250")  # type: ignore[arg-type]

@@ -123,5 +123,5 @@ def test_moduli_of_the_law_go_along() -> None:
 
 def test_a_cell_pressed_flat_is_told() -> None:
     flat = green_lagrange(np.diag([0.01, 1.0, 1.0])[None])
-    with pytest.raises(NotConverged, match="pressed flat; got .* down to 0.00015 of their mean"):
+    with pytest.raises(NotConverged, match=r"pressed flat; got .* down to 0\.00015 of their mean"):
         LogarithmicStrain(flat)

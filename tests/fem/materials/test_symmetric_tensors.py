@@ -10,6 +10,7 @@ from gpusim.fem.materials.symmetric_tensors import (
     FULL,
     ROW,
     cofactors,
+    components_last,
     first_row_product,
     sandwich_product,
     symmetric_part,
@@ -32,6 +33,12 @@ def test_components_of_a_matrix() -> None:
     np.testing.assert_allclose(symmetric_part(RANDOM.normal(size=(3, 3, 5)) * 0 + full), A)
 
 
+def test_components_last_lie_in_one_piece() -> None:
+    found = components_last(A[:, :4], (2, 2))
+    assert found.shape == (2, 2, 6) and found.flags.c_contiguous
+    np.testing.assert_array_equal(found[1, 0], A[:, 2])
+
+
 def test_cofactors_and_determinant() -> None:
     minors = cofactors(A)
     determinant = first_row_product(A, minors)
@@ -41,7 +48,7 @@ def test_cofactors_and_determinant() -> None:
 
 
 def test_sandwich_product_sends_e_to_the_symmetric_part_of_a_e_b() -> None:
-    tensor = sandwich_product(A[:, None] * B)
+    tensor = sandwich_product(0.5 * np.stack([A, B]), np.stack([B, A]))
     found = np.einsum("pab,bp->ap", tensor, STRAIN * ENGINEERING[:, None])
     product = np.moveaxis(matrices(A) @ matrices(STRAIN) @ matrices(B), 0, 2)
     np.testing.assert_allclose(found, symmetric_part(product), rtol=1e-12, atol=1e-14)

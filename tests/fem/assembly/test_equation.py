@@ -1,0 +1,152 @@
+"""The equation of equilibrium: residuals and tangents of whole models."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+import gpusim as gs
+from gpusim.fem.assembly.assembly import assemble
+from gpusim.fem.assembly.element_responses import element_responses
+from gpusim.fem.assembly.equation import Equation
+from gpusim.fem.elements.element_response import Want
+from gpusim.fem.model.model import resolve_formulation
+from gpusim.fem.sparse.block_rows import block_matrix
+from tests.support.element_meshes import linear_mesh, mixed_mesh
+
+Float = npt.NDArray[np.float64]
+STEEL = gs.Isotropic(200.0, 0.3, expansion=1e-3)
+RUBBER = gs.NeoHookean(3.0, 0.4, expansion=2e-3)
+
+
+def clamped(mesh: gs.Mesh, materials: Any, **others: Any) -> gs.Model:
+    """Held where x is least."""
+    x = mesh.points[:, 0]
+    fixed = np.repeat((x < x.min() + 1e-9)[:, None], 3, axis=1)
+    return gs.Model(mesh, materials, fixed, **others)
+
+
+def equation(model: gs.Model, formulation: Any = None) -> Equation:
+    return Equation(model, element_responses(model, resolve_formulation(model, formulation)))
+
+
+def two_laws(mesh: gs.Mesh) -> gs.Model:
+    """Steel and rubber, pressed and warm."""
+    number = np.arange(mesh.cell_count, dtype=np.int32) % 2
+    load = gs.fem.FollowerPressure(gs.mesh.boundary_faces(mesh), 0.2)
+    heat = 20.0 * mesh.points[:, 1]
+    return clamped(mesh, [STEEL, RUBBER], material_of_cell=number, loads=load, temperature=heat)
+
+
+def motion(mesh: gs.Mesh, size: float = 0.03) -> Float:
+    """Bending, a turn and some noise."""
+    x, y, z = (mesh.points - mesh.points.mean(axis=0)).T
+    smooth = np.stack([-x * z - 0.5 * y, 0.5 * x + 0.1 * y * z, x * x], axis=1)
+    return 0.3 * smooth + size * np.random.default_rng(2).normal(size=mesh.points.shape)
+
+
+MESHES = {
+    "hex8": lambda: linear_mesh("hex8", (2, 2, 2), 0.05),
+    "mixed": lambda: mixed_mesh(0.02),
+    "hex20": lambda: gs.mesh.quadratic(linear_mesh("hex8", (2, 1, 1), 0.05)),
+}
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_the_tangent_is_minus_the_derivative_of_the_residual(name: str) -> None:
+    model = two_laws(MESHES[name]())
+    # modes have residual forces of their own, that condensed ones don't show: tested by element
+    of = equation(model, {"hex8": "bbar"})
+    u, factors = motion(model.mesh), np.array([0.8])
+    step = np.random.default_rng(6).normal(size=u.shape)
+    tangent = block_matrix(of.linearised(u, factors).assembled.rows)
+
+    def residual(h: float) -> Float:
+        return of.linearised(u + h * step, factors).residual
+
+    h = 1e-4
+    first = (residual(h) - residual(-h)) / (2.0 * h)
+    second = (residual(2 * h) - residual(-2 * h)) / (4.0 * h)
+    derivative = (4.0 * first - second) / 3.0
+    found = -(tangent @ step.ravel()).reshape(-1, 3)
+    assert np.abs(found - derivative).max() <= 1e-7 * np.abs(derivative).max()
+    assert abs(tangent - tangent.T).max() <= 1e-14 * abs(tangent).max()
+    # and one wrong number would be seen
+    tangent.data[3, 1, 1] *= 1.001
+    wrong = -(tangent @ step.ravel()).reshape(-1, 3)
+    assert np.abs(wrong - derivative).max() > 1e-7 * np.abs(derivative).max()
+
+
+def test_at_rest_the_tangent_is_the_stiffness_of_linear_statics() -> None:
+    mesh = linear_mesh("hex8", (3, 2, 2), 0.05)
+    number = np.arange(mesh.cell_count, dtype=np.int32) % 2
+    laws = [STEEL, gs.SaintVenantKirchhoff(3.0, 0.2)]
+    model = clamped(mesh, laws, material_of_cell=number)
+    linear = replace(model, materials=[STEEL, gs.Isotropic(3.0, 0.2)])
+    for formulation in ("incompatible", "bbar", "full"):
+        names = {"hex8": formulation}
+        rows = equation(model, names).linearised(np.zeros_like(mesh.points), np.ones(1)).assembled
+        wanted = block_matrix(assemble(linear, names).rows)
+        assert abs(block_matrix(rows.rows) - wanted).max() <= 1e-13 * abs(wanted).max()
+
+
+def test_a_pattern_filled_again_is_that_of_a_fresh_equation() -> None:
+    model = two_laws(linear_mesh("hex8", (2, 2, 2), 0.05))
+    used = equation(model)
+    used.linearised(motion(model.mesh, 0.01), np.array([0.3]))
+    u, factors = motion(model.mesh), np.array([0.9])
+    again, fresh = used.linearised(u, factors), equation(model).linearised(u, factors)
+    assert (again.residual == fresh.residual).all()
+    assert (again.assembled.rows.table == fresh.assembled.rows.table).all()
+
+
+def test_residuals_come_with_the_tangent_and_alone() -> None:
+    model = two_laws(mixed_mesh(0.02))
+    of = equation(model)
+    u, factors = motion(model.mesh), np.array([0.7])
+    both = of.linearised(u, factors).residual
+    alone = of.external(u, factors) - of.internal(u, factors)
+    assert np.abs(both - alone).max() <= 1e-12 * np.abs(both).max()
+
+
+def test_the_material_part_is_definite_where_the_tangent_is_not() -> None:
+    mesh = linear_mesh("hex8", (2, 2, 2))
+    model = clamped(mesh, STEEL)
+    of = equation(model)
+    pressed = mesh.points * [-0.6, 0.0, 0.0]
+    free = of.free.ravel()
+
+    def least(want: Want) -> float:
+        rows = of.linearised(pressed, np.ones(1), want).assembled.rows
+        matrix = block_matrix(rows).toarray()[np.ix_(free, free)]
+        return float(np.linalg.eigvalsh(matrix)[0])
+
+    assert least(Want.TANGENT) < 0.0 < least(Want.MATERIAL)
+
+
+def test_loads_and_supports_follow_their_factors() -> None:
+    mesh = linear_mesh("hex8", (2, 1, 1))
+    forces = np.random.default_rng(1).normal(size=(2, *mesh.points.shape))
+    model = clamped(mesh, STEEL, forces=forces)
+    prescribed = np.where(model.fixed, 0.1, 0.0) * np.array([1.0, 2.0])[:, None, None]
+    of = equation(replace(model, prescribed=prescribed))
+    factors = np.array([0.5, -2.0])
+    zero = np.zeros_like(mesh.points)
+    assert np.allclose(of.external(zero, factors), 0.5 * forces[0] - 2.0 * forces[1])
+    assert np.allclose(of.prescribed(factors), 0.5 * prescribed[0] - 2.0 * prescribed[1])
+
+
+def test_warm_material_is_free_of_stress_however_it_turns() -> None:
+    mesh = linear_mesh("hex8", (2, 2, 2), 0.05)
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    for law in (STEEL, RUBBER, gs.Hencky(5.0, 0.2, expansion=1e-3)):
+        model = clamped(mesh, law, temperature=50.0)
+        stretch = 1.0 + 50.0 * law.expansion_strain()[0]
+        u = stretch * mesh.points @ turn.T - mesh.points
+        of = equation(model)
+        cold = np.abs(of.internal(u, np.zeros(1))).max()
+        assert np.abs(of.internal(u, np.ones(1))).max() <= 1e-12 * cold
