@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -27,7 +27,7 @@ class _Supports:
     displacement: Float
 
 
-_LAWS = {
+_LAWS: dict[str, Callable[..., fem.Material]] = {
     "isotropic": fem.Isotropic,
     "saint-venant-kirchhoff": fem.SaintVenantKirchhoff,
     "neo-hookean": fem.NeoHookean,
@@ -47,6 +47,7 @@ def build_material(material: m.MaterialTable) -> fem.Material:
         return fem.Orthotropic(E, nu, G, material.density, expansion, material.axes)
     if material.type != "j2":
         return _LAWS[material.type](E, nu, material.density, expansion)
+    assert material.yield_stress is not None
     elastic = fem.Isotropic(E, nu, material.density, expansion)
     return fem.J2(elastic, material.yield_stress, _hardening(material))
 
@@ -55,7 +56,7 @@ def _hardening(material: m.MaterialTable) -> float | fem.Voce | list[tuple[float
     curve = material.hardening_MPa
     if isinstance(curve, tuple):
         return [(strain, 1e6 * stress) for strain, stress in curve]
-    if material.saturation is None:
+    if material.saturation is None or material.saturation_rate is None:
         return 1e6 * curve
     return fem.Voce(material.saturation, material.saturation_rate, 1e6 * curve)
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float, Int
-from gpusim.motion import Stepped, Superposed
+from gpusim.motion import Superposed
 from gpusim.report import SolutionSummary
 
 if TYPE_CHECKING:
@@ -130,24 +130,6 @@ class SceneSolution:
             for values in (u, reactions, applied):
                 if values.dtype != np.float64 or not np.isfinite(values).all():
                     raise ValueError("values that are no finite float64")
-
-
-def stepped_arrays(motion: Stepped, body: int) -> dict[str, npt.NDArray[Any]]:
-    """What ``np.savez`` keeps of a motion that isn't linear."""
-    states = np.array(motion.states)
-    return {f"states{body}": states, f"u{body}": motion.u, f"reactions{body}": motion.forces}
-
-
-def stepped_motion(arrays: Mapping[str, npt.NDArray[Any]], body: int) -> Stepped:
-    """The inverse of `stepped_arrays`. Raises ValueError for damage; KeyError where there is
-    none."""
-    states, u, forces = (arrays[f"{name}{body}"] for name in ("states", "u", "reactions"))
-    for values, ndim in ((states, 2), (u, 3), (forces, 3)):
-        if values.ndim != ndim or len(values) != len(u) or values.dtype != np.float64:
-            raise ValueError(f"load steps of shape {values.shape}")
-        if not np.isfinite(values).all():
-            raise ValueError("values that aren't finite")
-    return Stepped([tuple(state) for state in states.tolist()], u, forces)
 
 
 def solver_seconds(solutions: Sequence[Solution]) -> dict[str, str]:

@@ -19,21 +19,16 @@ from gpusim.graph.stage import StageResult
 from gpusim.motion import Motion, State, Stepped, Superposed
 from gpusim.pipeline.checks.linear_theory import linear_error
 from gpusim.pipeline.notes import notes_of
+from gpusim.pipeline.scene_objects.load_steps import STEPS, step_arrays, stepped_motion
 from gpusim.pipeline.scene_objects.modelling import BodyModel, displaced_model
 from gpusim.pipeline.scene_objects.moving_bodies import MovingBodies, moving_bodies
-from gpusim.pipeline.scene_objects.solution import (
-    SceneSolution,
-    stepped_arrays,
-    stepped_motion,
-    support_forces,
-)
+from gpusim.pipeline.scene_objects.solution import SceneSolution, support_forces
 from gpusim.pipeline.stages.mechanics import save_arrays, solver_arguments
 from gpusim.report import LoadStepRow
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import load_groups
 from gpusim.scene.frames import FrameTable, Instant
 
-STEPS = "solution/steps.npz"
 SMALL = 0.002
 """Of a displacement: what linear theory may be off by where nobody says how bodies are solved."""
 
@@ -54,11 +49,12 @@ class _LoadPath:
 
 def equilibria(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """Of the bodies that linear theory is too far off for, and what speaks for it."""
-    geometry, table = inputs.row
+    geometry, table, stressed = inputs.row
     frames = FrameTable(table)
     objects = moving_bodies(scene, inputs, [one.shown for one in frames])
     solved: SceneSolution = inputs["solution"]
     objects.motions = [solved.superposed(number) for number in range(len(scene.bodies))]
+    last = frames[max(one.number for one in frames if not one.shown.unloaded)]
     facts, rows, warnings = dict[str, str](), list[LoadStepRow](), list[str]()
     arrays, forces = dict[str, npt.NDArray[Any]](), dict[str, Any]()
     for number, body in enumerate(scene.bodies):
@@ -78,7 +74,13 @@ def equilibria(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
             support_forces(np.stack([step.reactions for step in solution.steps]), made.support),
         )
         forces[body.name] = _forces(path, motion, frames[frames.last_moved].shown.states[number])
-        arrays |= stepped_arrays(motion, number)
+        shown = frames if stressed else [last]
+        kept = {one.shown.states[number] for one in shown} - {None}
+        stresses = {
+            state: step.stress
+            for state, step in zip(path.states, solution.steps, strict=True) if state in kept and step.stress is not None
+        }  # fmt: skip
+        arrays |= step_arrays(motion, stresses, number)
         rows += found
     notes = notes_of(warnings, facts, session.adapter)
     notes |= {"steps": [asdict(row) for row in rows], "forces": forces}

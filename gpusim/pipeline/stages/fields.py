@@ -15,10 +15,13 @@ from gpusim.export.images import encoded_picture
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
+from gpusim.motion import Stepped
 from gpusim.pipeline.notes import notes_of
 from gpusim.pipeline.scene_objects.cameras import build_camera
+from gpusim.pipeline.scene_objects.load_steps import step_fields
 from gpusim.pipeline.scene_objects.modelling import temperature
 from gpusim.pipeline.scene_objects.moving_bodies import MovingBodies, moving_bodies
+from gpusim.pipeline.stages.mechanics import stored_steps
 from gpusim.report import FieldPicture, LoadPath
 from gpusim.scene import Scene
 from gpusim.scene.frames import FrameTable
@@ -88,10 +91,19 @@ def _states(
     objects: MovingBodies, bodies: Sequence[DisplacedBody], inputs: Inputs, frame: int
 ) -> Iterator[BodyState]:
     """The bodies as they were solved."""
-    for parts, body in zip(objects.bodies, bodies, strict=True):
-        model = inputs[f"model/{body.name}"].model
-        change = temperature(parts.body, frame)
-        yield BodyState(parts.mesh, body.u, model, parts.body.formulation, change)
+    with stored_steps(inputs) as steps:
+        for number, (parts, body) in enumerate(zip(objects.bodies, bodies, strict=True)):
+            if isinstance(objects.motions[number], Stepped):
+                shown = objects.frames[frame].states[number]
+                known = step_fields(steps, number, shown) or {
+                    "nodal_stress": np.zeros((len(body.u), 6)),
+                    "nodal_strain": np.zeros((len(body.u), 6)),
+                }
+                yield BodyState(parts.mesh, body.u, **known)
+                continue
+            model = inputs[f"model/{body.name}"].model
+            change = temperature(parts.body, frame)
+            yield BodyState(parts.mesh, body.u, model, parts.body.formulation, change)
 
 
 def _chosen(states: Sequence[BodyState], stressed: bool) -> Iterator[str]:
@@ -108,6 +120,8 @@ def _chosen(states: Sequence[BodyState], stressed: bool) -> Iterator[str]:
             for k in (1, 3)
         )
         yield "principal_strain_1" if first >= ALIKE * third else "principal_strain_3"
+        if any(state.plastic_strain.any() for state in states):
+            yield "plastic_strain"
 
 
 def _side(scene: Scene, bodies: Sequence[DisplacedBody]) -> Turntable:
