@@ -130,7 +130,7 @@ VTU_NEEDS = {
     "error_share": "stored_error_share", "strain": "nodal_strain",
     "plastic_strain": "nodal_plastic_strain",
 }  # fmt: skip
-"""What of a `BodyState` has to be there for each: stress where it was asked for, strain of bodies at
+"""What of a `BodyState` has to be there for each: stress where asked for, strain of bodies at
 large displacements."""
 
 

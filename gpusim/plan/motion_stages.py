@@ -50,7 +50,7 @@ def _equilibria(build: StageBuilder) -> Iterator[Stage]:
     """Which depend on all frames: each begins at the one before, and any of them may be the one
     that linear theory is too far off for."""
     needs: Needs = build.of_bodies("mesh") | build.of_bodies("model") | {"solution": first}
-    row = [build.scene.analysis.geometry, list(build.frames), build.scene.output.stress]
+    row = [build.scene.analysis.geometry, list(build.frames)]
     yield build.stage("equilibria", "equilibria:equilibria", ["solver", "body.*.mechanics"], needs,
                       [row], "solve", keeps=True, on_device=True)  # fmt: skip
     for number, name in enumerate(build.bodies):

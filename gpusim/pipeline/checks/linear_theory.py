@@ -66,6 +66,17 @@ class LinearError:
         return f"displacements are about {1e3 * abs(off):.2g} mm ({100 * self.off:.2g} %) {way}"
 
     @property
+    def doubtful(self) -> str:
+        """A question where displacements by linear theory are larger than the body, else ""."""
+        if self.reach <= self.size:
+            return ""
+        return (
+            f"by linear theory displacements differ by {1e3 * self.reach:.3g} mm in frame "
+            f"{self.frame}, {100 * self.reach / self.size:.3g} % of its size: are units, loads and "
+            "moduli meant so?"
+        )
+
+    @property
     def warning(self) -> str:
         """A sentence where it matters, else ""."""
         text = f"body {self.body!r}: "

@@ -1,12 +1,12 @@
 """Load steps of a scene's bodies at large displacements, as they are kept.
 
-Of each step stress and strain may be kept as well: they depend on what the material has been
-through, and don't follow from displacements alone.
+Stress and strain of each step are kept as well: they depend on what the material has been through,
+and don't follow from displacements alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,20 +28,16 @@ Stored = Mapping[str, npt.NDArray[Any]]
 
 
 def step_arrays(
-    motion: Stepped, stresses: Mapping[State, Stress], body: int
+    motion: Stepped, stresses: Sequence[Stress | None], body: int
 ) -> dict[str, npt.NDArray[Any]]:
-    """What ``np.savez`` keeps of the motion of a ``body`` (its number), and of its stress in some
+    """What ``np.savez`` keeps of the motion of a ``body`` (its number), and of the stress in its
     states."""
     arrays = {"states": np.array(motion.states), "u": motion.u, "reactions": motion.forces}
-    for number, state in enumerate(motion.states):
-        if state in stresses:
-            found = stresses[state]
-            values = (
-                found.nodal, found.nodal_strain, found.nodal_plastic_strain, found.error_share
-            )  # fmt: skip
-            for name, array in zip(FIELDS, values, strict=True):
-                if array is not None:
-                    arrays[f"{name}_{number}_"] = array
+    for number, found in enumerate(stresses):
+        assert found is not None
+        values = found.nodal, found.nodal_strain, found.nodal_plastic_strain, found.error_share
+        fields = zip(FIELDS, values, strict=True)
+        arrays |= {f"{name}_{number}_": one for name, one in fields if one is not None}
     return {f"{name}{body}": array for name, array in arrays.items()}
 
 
@@ -57,8 +53,7 @@ def stepped_motion(stored: Stored, body: int) -> Stepped:
 
 
 def step_fields(stored: Stored, body: int, state: State | None) -> dict[str, Any]:
-    """What is kept of a body in a state, by the names of `FIELDS`; nothing of a body at rest, or
-    where nothing was kept."""
+    """What is kept of a body in a state, by the names of `FIELDS`; nothing of a body at rest."""
     states = [tuple(row) for row in stored[f"states{body}"].tolist()]
     if state is None:
         return {}

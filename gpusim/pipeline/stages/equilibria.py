@@ -17,7 +17,7 @@ from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
 from gpusim.motion import Motion, State, Stepped, Superposed
-from gpusim.pipeline.checks.linear_theory import linear_error
+from gpusim.pipeline.checks.linear_theory import LinearError, linear_error
 from gpusim.pipeline.notes import notes_of
 from gpusim.pipeline.scene_objects.load_steps import STEPS, step_arrays, stepped_motion
 from gpusim.pipeline.scene_objects.modelling import BodyModel, displaced_model
@@ -49,18 +49,19 @@ class _LoadPath:
 
 def equilibria(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """Of the bodies that linear theory is too far off for, and what speaks for it."""
-    geometry, table, stressed = inputs.row
+    geometry, table = inputs.row
     frames = FrameTable(table)
     objects = moving_bodies(scene, inputs, [one.shown for one in frames])
     solved: SceneSolution = inputs["solution"]
     objects.motions = [solved.superposed(number) for number in range(len(scene.bodies))]
-    last = frames[max(one.number for one in frames if not one.shown.unloaded)]
     facts, rows, warnings = dict[str, str](), list[LoadStepRow](), list[str]()
     arrays, forces = dict[str, npt.NDArray[Any]](), dict[str, Any]()
     for number, body in enumerate(scene.bodies):
-        why, about = _choice(geometry, objects, number)
-        if not why:
-            facts[f"linear statics, {body.name}"] = about
+        why, error = _choice(geometry, objects, number)
+        if error is not None and error.doubtful:
+            warnings.append(f"body {body.name!r}: {error.doubtful}")
+        if error is not None and not why:
+            facts[f"linear statics, {body.name}"] = error.fact
             continue
         made: BodyModel = inputs[f"model/{body.name}"]
         path = _load_path(objects, number, frames, made.model, session)
@@ -74,13 +75,7 @@ def equilibria(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
             support_forces(np.stack([step.reactions for step in solution.steps]), made.support),
         )
         forces[body.name] = _forces(path, motion, frames[frames.last_moved].shown.states[number])
-        shown = frames if stressed else [last]
-        kept = {one.shown.states[number] for one in shown} - {None}
-        stresses = {
-            state: step.stress
-            for state, step in zip(path.states, solution.steps, strict=True) if state in kept and step.stress is not None
-        }  # fmt: skip
-        arrays |= step_arrays(motion, stresses, number)
+        arrays |= step_arrays(motion, [step.stress for step in solution.steps], number)
         rows += found
     notes = notes_of(warnings, facts, session.adapter)
     notes |= {"steps": [asdict(row) for row in rows], "forces": forces}
@@ -100,16 +95,18 @@ def motion(scene: Scene, inputs: Inputs, session: Session) -> Motion:
         return stepped_motion(stored, number)
 
 
-def _choice(geometry: str, objects: MovingBodies, number: int) -> tuple[str, str]:
+def _choice(geometry: str, objects: MovingBodies, number: int) -> tuple[str, LinearError | None]:
     """Why a body is solved at large displacements ("" if it isn't), and how far off linear theory
-    is."""
+    is where that decides."""
+    if all(shown.states[number] is None for shown in objects.frames):  # nothing moves it
+        return "", linear_error(objects, number)
     if geometry == "nonlinear":
-        return "asked for", ""
+        return "asked for", None
     for material in objects.bodies[number].body.materials:
         if material.finite_strain:
-            return f"linear theory doesn't know material {material.name!r}", ""
+            return f"linear theory doesn't know material {material.name!r}", None
     error = linear_error(objects, number)
-    return (f"by linear theory it {error.fact}" if error.off > SMALL else ""), error.fact
+    return (f"by linear theory it {error.fact}" if error.off > SMALL else ""), error
 
 
 def _load_path(
