@@ -11,12 +11,14 @@ import numpy as np
 from gpusim import fem
 from gpusim.arrays.array_types import Float, Int
 from gpusim.errors import InputError
+from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.materials.linear_elasticity import LinearMaterial
 from gpusim.fem.model.supports import check_supports
 from gpusim.pipeline.scene_objects.meshing import cells_of, faces_of, naming_place, nodes_of
 from gpusim.pipeline.scene_objects.surfaces import MeshedBody
 from gpusim.scene.amplitudes import LoadGroup
 from gpusim.scene.description import model as m
+from gpusim.validation import require
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +29,10 @@ class _Supports:
     displacement: Float
 
 
+_FLOWING: dict[str, tuple[str, ...]] = {
+    "hex8": ("incompatible", "bbar"), "hex20": ("reduced",), "tet10": ("bbar",), "tet4": (),
+    "wedge6": (),
+}  # fmt: skip
 _LAWS: dict[str, Callable[..., fem.Material]] = {
     "isotropic": fem.Isotropic,
     "saint-venant-kirchhoff": fem.SaintVenantKirchhoff,
@@ -224,7 +230,21 @@ def _materials(parts: MeshedBody) -> tuple[list[fem.Material], Int]:
             cells = cells_of(parts.mesh, part.where)
         of_cell[cells] = len(materials)
         materials.append(build_material(part.material))
+    with naming_place(f"body {body.name!r}"):
+        _check_flow(parts, materials, of_cell)
     return materials, of_cell
+
+
+def _check_flow(parts: MeshedBody, materials: Sequence[fem.Material], of_cell: Int) -> None:
+    """Raises InputError where metal is in elements that can't follow its flow."""
+    flows = np.array([isinstance(one, fem.J2) for one in materials])[of_cell]
+    for kind, first, block in parts.mesh.blocks():
+        known = ELEMENTS[kind].formulations
+        asked = parts.body.formulation
+        rule = asked if asked in known else known[0]
+        if kind in _FLOWING and rule not in _FLOWING[kind]:
+            count = int(flows[first : first + len(block)].sum())
+            require(count == 0, m.NO_FLOW, f"{count} of {kind} ({rule!r})", m.FLOWING)
 
 
 def _load(parts: MeshedBody, materials: list[fem.Material], of_cell: Int, load: m.Load) -> Float:

@@ -28,6 +28,9 @@ Several = float | Vector
 Curve = Annotated[tuple[Pair, ...], Listed(1)]
 FINITE_STRAIN = ("saint-venant-kirchhoff", "neo-hookean", "hencky", "j2")
 """Types that hold for any strain: linear theory has no such thing."""
+NO_FLOW = "metal flows at constant volume, elements that can't follow are far too stiff"
+FLOWING = 'hex8 ("incompatible" or "bbar"), hex20 ("reduced"), tet10 ("bbar")'
+"""What is said of elements that aren't fit for metal that yields, and those that are."""
 SeveralPositive = Length | Annotated[tuple[Length, Length, Length], Listed()]
 
 
