@@ -7,7 +7,6 @@ In the order in which data passes:
 - `initial_state`: Stress before the first step, and what a temperature does.
 - `forces`: Nodal forces, pressures and body forces, kept from step to step.
 - `constraints`: Supports of a step, and linear equations between nodes.
-- `constrained`: Linear statics with such equations, by sparse factorisation.
 - `steps`: What each step adds, changes or removes.
 - `deck`: Mesh, materials, and one linear static problem for each step.
 - `load`: Reading a deck: keywords and parameters, then each card.

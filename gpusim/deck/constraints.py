@@ -9,35 +9,30 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from gpusim.arrays.array_types import Bool, Float
 from gpusim.deck.amplitudes import Scale
-from gpusim.deck.constrained import Equations
 from gpusim.errors import InputError
+from gpusim.fem.model.constraints import NEAR, Equations, follow
 from gpusim.mesh import set_faces
 from gpusim.mesh.file_content.coordinate_systems import Frame
 from gpusim.mesh.formats.abaqus.cards import Card, number, whole
 from gpusim.mesh.formats.abaqus.content import InpContent
 from gpusim.mesh.formats.abaqus.reader import LabelledMesh
-from gpusim.mesh.nearest_places import nearest_places
+from gpusim.mesh.nearest_places import nearest_on_surface
 from gpusim.validation import require
 
 # columns (3 node + axis), factors and right side of one equation
-TieRow = tuple[Sequence[int], Sequence[float], float]
-
-_CANDIDATES = 12
-# how far outside of a face, in its reference coordinates, a node may lie
-_OUTSIDE = 1e-3
+Row = tuple[Sequence[int], Sequence[float], float]
 
 
-def read_tie(card: Card, content: InpContent, labelled: LabelledMesh) -> list[TieRow]:
+def read_tie(card: Card, content: InpContent, labelled: LabelledMesh) -> Equations:
     """*TIE: dependent surface (of faces or nodes), independent surface (of faces).
 
-    Each dependent node's displacement equals that of the nearest point of the independent surface,
-    interpolated with the shape functions of the face that holds it. A node may lie up to POSITION
-    TOLERANCE away (default 0.025 of the face's size, as in CalculiX) with ADJUST=NO; otherwise
-    the surfaces must touch, for nodes aren't moved. Raises InputError.
+    Each dependent node follows the nearest point of the independent surface (see
+    ``gpusim.fem.tie``). A node may lie up to POSITION TOLERANCE away (default 0.025 of the face's
+    size, as in CalculiX) with ADJUST=NO; otherwise the surfaces must touch, for nodes aren't moved.
+    Raises InputError.
     """
     where = card.where()
     rows = [row for _, row in card.rows()]
@@ -53,37 +48,22 @@ def read_tie(card: Card, content: InpContent, labelled: LabelledMesh) -> list[Ti
     else:
         members = content.node_sets.get(rows[0][0], where)
         nodes = np.searchsorted(content.node_labels, members)
+    nodes = np.setdiff1d(nodes, faces.node_numbers())
     given = card.parameters.get("POSITIONTOLERANCE", "")
-    size = np.sqrt(faces.areas)
-    reach = np.full(len(faces), number(given, where)) if given else 0.025 * size
+    face, distance, shares = nearest_on_surface(faces, mesh.points[nodes])
+    size = np.sqrt(faces.areas)[face]
+    reach = np.full(len(nodes), number(given, where)) if given else NEAR * size
     closed = np.minimum(reach, 1e-6 * size) if adjust == "YES" else reach
-    found: list[TieRow] = []
-    count = min(_CANDIDATES, len(faces))
-    candidates = cKDTree(faces.centroids).query(mesh.points[nodes], k=count)[1].reshape(-1)
-    outside, distance, shares = nearest_places(
-        faces, candidates, np.repeat(mesh.points[nodes], count, axis=0)
-    )
-    gaps = np.where(outside <= _OUTSIDE, distance, np.inf).reshape(-1, count)
-    best = np.arange(len(nodes)) * count + gaps.argmin(axis=1)
-    for node, place, gap in zip(nodes.tolist(), best.tolist(), gaps.min(axis=1), strict=True):
-        face = candidates[place]
-        label = content.nodes.shown(labelled.node_labels[node])
-        if not gap <= reach[face]:
-            raise InputError(
-                f"{where}: node {label} lies off the surface {rows[0][1]}; got a distance of "
-                f"{gap:.3g}; expected every node of {rows[0][0]} on it"
-            )
-        if not gap <= closed[face]:
-            raise InputError(
-                f"{where}: node {label} would have to be moved by {gap:.3g}; expected surfaces "
-                "that touch, or ADJUST=NO"
-            )
-        on_face = faces.nodes[face] >= 0
-        others, weights = faces.nodes[face][on_face].astype(np.int64), shares[place][on_face]
-        for axis in range(3):
-            columns = [3 * node + axis, *(3 * others + axis).tolist()]
-            found.append((columns, [1.0, *(-weights).tolist()], 0.0))
-    return found
+    far = np.flatnonzero(~(distance <= closed))
+    if far.size:
+        label = content.nodes.shown(labelled.node_labels[nodes[far[0]]])
+        gap = f"{distance[far[0]]:.3g}"
+        what = f"would have to be moved by {gap}; expected surfaces that touch, or ADJUST=NO"
+        if not distance[far[0]] <= reach[far[0]]:
+            where_from = f"the surface {rows[0][1]}; got a distance of {gap}"
+            what = f"lies off {where_from}; expected every node of {rows[0][0]} on it"
+        raise InputError(f"{where}: node {label} {what}")
+    return follow(faces, nodes, face, shares)
 
 
 # Abaqus' names for groups of degrees of freedom; rotations don't exist in solids.
@@ -136,7 +116,9 @@ class Constraints:
         self.value = np.zeros((count, 3))
         self.follows = np.zeros((count, 3), dtype=np.int32)
         self.equations: list[list[tuple[int, int, float]]] = []
-        self.ties: list[TieRow] = []
+        self.ties: list[Equations] = []
+        self._rows: list[Row] = []
+        self._own: tuple[Equations, ...] = ()
 
     def clear(self) -> None:
         self.fixed[:] = False
@@ -184,19 +166,19 @@ class Constraints:
                 terms.append((int(node), axis - 1, number(fields[k + 2], where)))
             self.equations.append(terms)
 
-    def assembled(self, factors: Float) -> tuple[Bool, Float, Equations | None]:
+    def assembled(self, factors: Float) -> tuple[Bool, Float, tuple[Equations, ...]]:
         """``fixed`` and ``prescribed`` in global axes, and equations for what these can't say.
 
         ``factors`` : value of each amplitude that supports follow; the first is 1.
         """
-        own = self.value * factors[self.follows]
-        fixed, value = self.fixed.copy(), own.copy()
-        rows: list[TieRow] = list(self.ties)
+        given = self.value * factors[self.follows]
+        fixed, value = self.fixed.copy(), given.copy()
+        rows: list[Row] = []
         for node, axes in self.axes.rows.items():
             held = np.flatnonzero(self.fixed[node])
             fixed[node], value[node] = False, 0.0
             if len(held) == 3:
-                fixed[node], value[node] = True, axes.T @ own[node]
+                fixed[node], value[node] = True, axes.T @ given[node]
                 continue
             for axis in held.tolist():
                 direction = axes[axis]
@@ -204,10 +186,10 @@ class Constraints:
                 others = np.abs(np.delete(direction, along)).max()
                 if others <= 1e-14:
                     fixed[node, along] = True
-                    value[node, along] = own[node, axis] * np.sign(direction[along])
+                    value[node, along] = given[node, axis] * np.sign(direction[along])
                 else:
                     columns = [3 * node + k for k in range(3)]
-                    rows.append((columns, direction.tolist(), float(own[node, axis])))
+                    rows.append((columns, direction.tolist(), float(given[node, axis])))
         for terms in self.equations:
             columns, weights = [], []
             for other, axis, factor in terms:
@@ -215,7 +197,10 @@ class Constraints:
                 columns += [3 * other + k for k in range(3) if direction[k] != 0.0]
                 weights += [factor * float(d) for d in direction if d != 0.0]
             rows.append((columns, weights, 0.0))
-        return fixed, value, Equations.build(rows, fixed.size) if rows else None
+        if rows != self._rows:
+            # steps that say the same share them
+            self._rows, self._own = rows, (Equations.build(rows, fixed.size),) if rows else ()
+        return fixed, value, (*self.ties, *self._own)
 
     def _directions(self, first: int, last: int, value: float, where: str) -> tuple[int, ...]:
         fits = 1 <= first <= last <= 6 and (last <= 3 or value == 0.0)

@@ -9,10 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
-from gpusim.deck.constrained import Equations, solve_constrained
 from gpusim.deck.initial_state import point_stresses
 from gpusim.errors import InputError
-from gpusim.fem import Material, Model, Solution, solve
+from gpusim.fem import Equations, Material, Model, Solution, solve
 from gpusim.field_summary import field_summary
 from gpusim.gpu import Device
 from gpusim.mesh import Mesh
@@ -26,8 +25,8 @@ class Step:
     ``number`` counts from 1, ``name`` is the deck's (or empty), ``time`` the end of the step in
     total time. ``fixed`` (N,3) bool, ``prescribed`` and ``forces`` (N,3) float64 as in a
     ``Model``; ``forces`` holds the equivalent forces of temperature too. ``temperature`` (N,) is
-    the change against the initial one, None where there is none. ``equations`` are further linear
-    constraints (*EQUATION, supports in turned axes), None where there are none.
+    the change against the initial one, None where there is none. ``constraints`` are ties,
+    *EQUATION and supports in turned axes, as in a ``Model``.
 
     Examples
     --------
@@ -43,8 +42,12 @@ class Step:
     prescribed: Float
     forces: Float
     temperature: Float | None
-    equations: Equations | None
+    constraints: tuple[Equations, ...]
     __repr__ = field_summary
+
+    def held_as(self, other: Step) -> bool:
+        """Whether both hold the same degrees of freedom, by the same constraints."""
+        return np.array_equal(self.fixed, other.fixed) and self.constraints == other.constraints
 
 
 @unmasked()
@@ -89,19 +92,16 @@ class Deck:
         """The model of one step, or of several that hold the same degrees of freedom.
 
         Several steps become the load cases of one model. Raises InputError for a step that
-        doesn't exist, for steps whose supports differ, and for steps with equations.
+        doesn't exist, and for steps whose supports or constraints differ.
         """
         chosen = [self._step(number) for number in numbers]
         if not chosen:
             raise InputError("Deck.model: no step; expected at least one number, counted from 1")
         for step in chosen:
-            what = f"Deck.model: step {step.number} has equations or supports in turned axes"
-            got = "constraints that a Model doesn't hold"
-            require(step.equations is None, what, got, "Deck.solve")
-            if not np.array_equal(step.fixed, chosen[0].fixed):
+            if not step.held_as(chosen[0]):
                 raise InputError(
                     f"Deck.model: steps {chosen[0].number} and {step.number} hold different "
-                    "degrees of freedom; expected steps with the same supports"
+                    "degrees of freedom; expected steps with the same supports and constraints"
                 )
         return self._model(chosen)
 
@@ -116,25 +116,14 @@ class Deck:
     ) -> tuple[Solution, ...]:
         """The solution of each step; ``u`` is (N,3).
 
-        Steps with the same supports are solved together as load cases. Steps with equations go
-        through a sparse factorisation on the CPU, whatever the backend. Arguments and errors are
-        those of ``gpusim.fem.solve``.
+        Steps with the same supports and constraints are solved together as load cases. Arguments
+        and errors are those of ``gpusim.fem.solve``.
         """
         found: dict[int, Solution] = {}
         waiting = list(self.steps)
         while waiting:
             first = waiting[0]
-            if first.equations is not None:
-                found[first.number] = solve_constrained(
-                    self._model([first]), first.equations, self.formulation, self.path
-                )
-                waiting = waiting[1:]
-                continue
-            group = [
-                step
-                for step in waiting
-                if step.equations is None and np.array_equal(step.fixed, first.fixed)
-            ]
+            group = [step for step in waiting if step.held_as(first)]
             waiting = [step for step in waiting if step not in group]
             both = solve(
                 self._model(group),
@@ -176,6 +165,7 @@ class Deck:
             prescribed=np.stack([step.prescribed for step in steps]),
             forces=np.stack([step.forces for step in steps]),
             material_of_cell=self.material_of_cell,
+            constraints=steps[0].constraints,
         )
 
 

@@ -14,6 +14,7 @@ from gpusim.deck.deck import Step
 from gpusim.deck.forces import Forces
 from gpusim.deck.initial_state import InitialStress, temperature_forces
 from gpusim.deck.materials import Body
+from gpusim.fem.model.constraints import touched
 from gpusim.mesh.formats.abaqus.cards import Card, number
 
 
@@ -124,7 +125,7 @@ class History:
         ]
 
     def _tie(self, card: Card) -> None:
-        self.constraints.ties += read_tie(card, self.body.content, self.body.labelled)
+        self.constraints.ties.append(read_tie(card, self.body.content, self.body.labelled))
 
     def _boundary(self, card: Card) -> None:
         if self.open is None:
@@ -161,8 +162,8 @@ class History:
             step.card.fail("no procedure; expected *STATIC in the step")
         self.time += step.period
         factors = self.amplitudes.factors(self.time)
-        fixed, prescribed, equations = self.constraints.assembled(factors)
-        self.forces.refuse_loose(fixed)
+        fixed, prescribed, constraints = self.constraints.assembled(factors)
+        self.forces.refuse_loose(fixed | touched(constraints, fixed.shape))
         forces = self.forces.total(factors)
         if self.stress.values:
             forces += self.stress.forces()
@@ -179,6 +180,6 @@ class History:
                 prescribed=prescribed,
                 forces=forces,
                 temperature=change,
-                equations=equations,
+                constraints=constraints,
             )
         )

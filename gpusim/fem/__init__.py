@@ -31,6 +31,7 @@ from gpusim.fem.materials.law import Law, Material, Update
 from gpusim.fem.materials.neo_hookean import NeoHookean
 from gpusim.fem.materials.orthotropic import Orthotropic
 from gpusim.fem.materials.saint_venant_kirchhoff import SaintVenantKirchhoff
+from gpusim.fem.model.constraints import Equations, equations, tie
 from gpusim.fem.model.following_loads import FollowerPressure
 from gpusim.fem.model.loads import (
     body_force,
@@ -52,6 +53,7 @@ from gpusim.fem.recovery.stress import Stress, principal, stress, von_mises
 __all__ = [
     "J2",
     "METHODS",
+    "Equations",
     "FollowerPressure",
     "Hencky",
     "Isotropic",
@@ -68,6 +70,7 @@ __all__ = [
     "Voce",
     "body_force",
     "centrifugal",
+    "equations",
     "face_force",
     "line_force",
     "lumped_mass",
@@ -79,6 +82,7 @@ __all__ = [
     "stress",
     "symmetry",
     "thermal",
+    "tie",
     "traction",
     "von_mises",
 ]

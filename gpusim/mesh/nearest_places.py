@@ -1,12 +1,67 @@
-"""Where on a face, flat or curved, the nearest place to a point is."""
+"""Where on faces, flat or curved, the nearest place to a point is."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from gpusim.arrays.array_types import Float, Long
 from gpusim.mesh.boundary import Faces
 from gpusim.mesh.shape_functions import FACE_TYPES, shape_functions, shape_gradients
+
+# faces of about one size that are looked at for each point
+_CANDIDATES = 12
+# how far outside of a face, in its reference coordinates, a point may lie
+_OUTSIDE = 1e-3
+# of a face's size: a place as near as this isn't looked for any further
+_TOUCHING = 1e-9
+
+
+def nearest_on_surface(faces: Faces, points: Float) -> tuple[Long, Float, Float]:
+    """The face that each point (n, 3) lies on or nearest to, of those whose sides it lies within.
+
+    Returns
+    -------
+    face : (n,) its number.
+    distance : (n,) of the point and its place on the face; inf where no face is below the point.
+    shares : (n, w) what the nodes of the face's row of ``faces.nodes`` have in the place.
+    """
+    size = np.sqrt(faces.areas)
+    face, distance = np.zeros(len(points), dtype=np.int64), np.full(len(points), np.inf)
+    shares, badness = np.zeros((len(points), faces.nodes.shape[1])), distance.copy()
+    for candidate, least in zip(*_candidates(faces, points), strict=True):
+        enough = np.maximum(least, _TOUCHING * size[candidate])
+        at = np.flatnonzero(~(badness <= enough))
+        which = candidate[at]
+        outside, gap, share = nearest_places(faces, which, points[at])
+        # of two faces side by side the one that holds the point is better
+        worse = np.hypot(gap, size[which] * np.maximum(outside, 0.0))
+        better = np.flatnonzero((outside <= _OUTSIDE) & (worse < badness[at]))
+        at, which = at[better], which[better]
+        face[at], distance[at], shares[at] = which, gap[better], share[better]
+        badness[at] = worse[better]
+    return face, distance, shares
+
+
+def _candidates(faces: Faces, points: Float) -> tuple[Long, Float]:
+    """(c, n) faces to look at, and how near they are at best; those first that are near for their
+    size: beside a large face the nearest centres may all be those of small ones, so that each size
+    has a search of its own."""
+    radius = np.linalg.norm(faces.corners - faces.centroids[:, None], axis=2).max(axis=1)
+    doubling = np.ceil(np.log2(np.where(radius > 0.0, radius, 1.0)))
+    found, away, least = [], [], []
+    for one in np.unique(doubling):
+        alike = np.flatnonzero(doubling == one)
+        count = min(_CANDIDATES, len(alike))
+        distance, number = cKDTree(faces.centroids[alike]).query(points, k=[*range(1, count + 1)])
+        found.append(alike[number])
+        away.append(distance / 2.0**one)
+        least.append(distance - 2.0**one)
+    order = np.argsort(np.concatenate(away, axis=1), axis=1, kind="stable")
+    face, nearest = (
+        np.take_along_axis(np.concatenate(part, axis=1), order, axis=1).T for part in (found, least)
+    )
+    return face, nearest
 
 
 def nearest_places(faces: Faces, face: Long, points: Float) -> tuple[Float, Float, Float]:

@@ -26,8 +26,8 @@ _OF_BODY = {
     "paint": ("paints",),
     "name": (),
     "formulation": ("formulation",),
-    "solid": ("material", "parts", "formulation", "supports", "loads"),
-    "mechanics": ("material", "parts", "formulation", "supports", "loads"),
+    "solid": ("material", "parts", "formulation", "supports", "ties", "loads"),
+    "mechanics": ("material", "parts", "formulation", "supports", "ties", "loads"),
 }
 """Sections of a body, and its attributes; the name always goes with them. "solid": without the
 factors by which loads and supports vary from frame to frame, "mechanics": with them."""

@@ -82,14 +82,14 @@ def test_what_is_made_of_several_sections_needs_them(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("section", "known"),
     [("mesh", {"mesh"}), ("paint", {"paints"}), ("name", set()), ("formulation", {"formulation"}),
-     ("solid", {"material", "parts", "formulation", "supports", "loads"})],
+     ("solid", {"material", "parts", "formulation", "supports", "ties", "loads"})],
 )  # fmt: skip
 def test_a_body_has_one_section_alone(folder: Path, section: str, known: set[str]) -> None:
     scene = scene_of(folder)
     (body,) = SceneParts(scene).of(f"body.bar.{section}").scene.bodies
     whole = scene.bodies[0]
     assert body.name == "bar"
-    for name in ("mesh", "paints", "material", "parts", "formulation", "supports", "loads"):
+    for name in ("mesh", "paints", "material", "parts", "formulation", "supports", "ties", "loads"):
         if name in known:
             assert section == "solid" or getattr(body, name) == getattr(whole, name)
         else:

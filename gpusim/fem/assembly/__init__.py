@@ -9,4 +9,6 @@ In the order in which data passes:
 - `stiffness_rounding`: What the rounding of the stiffness itself does to the displacements, and
   products without it.
 - `system`: The scaled system of a model, whatever solves it.
+- `reduced_system`: The system of a model with constraints, by congruence: with u = T v (see
+  ``Elimination``)
 """

@@ -14,7 +14,7 @@ from gpusim.fem.elements.enhanced_modes import EnhancedModes
 from gpusim.fem.elements.finite_strain import green_lagrange, tensor
 from gpusim.fem.elements.mean_dilatation import MeanDilatation
 from gpusim.fem.elements.total_lagrangian import TotalLagrangian
-from gpusim.fem.materials.law import Law
+from gpusim.fem.materials.linear_elasticity import law_of
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.thermal_loads import point_temperature
 
@@ -28,9 +28,10 @@ def element_responses(model: Model, formulation: Mapping[str, str]) -> list[Elem
     assert model.material_of_cell is not None
     points = model.mesh.points
     responses: list[ElementResponse] = []
-    for number, law in enumerate(model.materials):
+    for number, material in enumerate(model.materials):
+        law = law_of(material, f"solve: materials[{number}]")
         chosen = model.material_of_cell == number
-        if not (isinstance(law, Law) and law.finite_strain):
+        if not law.finite_strain:
             for group in model_groups(model, formulation, chosen):
                 rule = formulation[group.name]
                 block = ElementBlock(

@@ -12,13 +12,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gpusim.arrays.array_types import Float, Int, Long
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.fem.assembly.assembly import Assembled
 from gpusim.fem.assembly.element_batches import Elements, pair_blocks
 from gpusim.fem.assembly.element_responses import free_strain
 from gpusim.fem.assembly.node_graph import NodeGraph
 from gpusim.fem.elements.element_response import ElementResponse, Internal, Want
 from gpusim.fem.elements.isoparametric_map import add_to
+from gpusim.fem.model.constraints import touched
+from gpusim.fem.model.elimination import eliminate
 from gpusim.fem.model.following_loads import PressedFaces
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.thermal_loads import linear_temperature
@@ -97,6 +99,7 @@ class Equation:
         assert model.fixed is not None
         self.free = ~model.fixed
         self.free[model.mesh.dangling_nodes] = False
+        self.elimination = eliminate(model)
         zero = np.zeros((count, 3))
         self._elements = [TangentElements(one, zero) for one in responses]
         self._pressed = [
@@ -124,9 +127,40 @@ class Equation:
         return np.asarray(total)
 
     def prescribed(self, factors: Float) -> Float:
-        """(N,3) displacements of the supports, zero elsewhere."""
+        """(N,3) displacements of the supports, and what unknowns that constraints give up differ by
+        from those that they follow; zero elsewhere."""
         cases = np.broadcast_to(self.model.prescribed_cases, self.model.load_cases.shape)
-        return np.asarray(np.tensordot(factors, cases, axes=1))
+        result = np.asarray(np.tensordot(factors, cases, axes=1))
+        return (
+            result if self.elimination is None else result + factors.sum() * self.elimination.offset
+        )
+
+    def missing(self, u: Float, factors: Float) -> Float:
+        """(N,3) what ``u`` (N,3) lacks of what is prescribed."""
+        reached = u
+        if self.elimination is not None:
+            # T u is u plus what given up unknowns follow
+            followed = self.elimination.displacements(u[None])[0] - u
+            reached = np.where(self.elimination.given_up, u - followed, u)
+        return np.where(self.unknown, 0.0, self.prescribed(factors) - reached)
+
+    @property
+    def unknown(self) -> Bool:
+        """(N,3) what is solved for."""
+        if self.elimination is None:
+            return self.free
+        return (self.free | self.elimination.loose) & ~self.elimination.given_up
+
+    def unbalanced(self, residual: Float) -> Float:
+        """(N,3) residual forces on what is solved for."""
+        if self.elimination is not None:
+            residual = self.elimination.forces(residual[None])[0]
+        return np.where(self.unknown, residual, 0.0)
+
+    def reactions(self, u: Float, factors: Float) -> Float:
+        """(N,3) forces of supports and constraints, zero elsewhere."""
+        held = ~self.free | touched(self.model.constraints, self.free.shape)
+        return np.where(held, self.internal(u, factors) - self.external(u, factors), 0.0)
 
     def internal(self, u: Float, factors: Float) -> Float:
         """(N,3) forces with which the body resists."""
@@ -137,17 +171,19 @@ class Equation:
             def forces(which: Long, response: ElementResponse = one) -> Float:
                 return response.response(which, u, Want.FORCES)[0]
 
-            parts = shared(forces, _portions(one.cells))
+            parts = shared(forces, portions(one.cells))
             add_to(total, one.cells, np.concatenate(parts).reshape(*one.cells.shape, 3))
         return total
 
     def linearised(self, u: Float, factors: Float, want: Want = Want.TANGENT) -> Tangent:
-        """Residual forces and the tangent at ``u``, or the tangent's material part."""
+        """Residual forces and the tangent at ``u``, or the tangent's material part, which is
+        definite: without the stiffness of loads."""
         self._warm(factors)
         for elements in self._elements:
             elements.u, elements.want = u, want
         for case, faces in self._pressed:
-            faces.points, faces.factor = self.model.mesh.points + u, float(factors[case])
+            faces.points = self.model.mesh.points + u
+            faces.factor = 0.0 if want is Want.MATERIAL else float(factors[case])
         rows = self._graph.fill(self._filling)
         residual = self.external(u, factors)
         for elements in self._elements:
@@ -162,7 +198,7 @@ class Equation:
             def move(which: Long, response: ElementResponse = one) -> None:
                 response.advance(which, u, du, foretell)
 
-            shared(move, _portions(one.cells))
+            shared(move, portions(one.cells))
 
     def forget_foretold(self) -> None:
         """Tangents take stresses of the state itself from now on."""
@@ -178,12 +214,15 @@ class Equation:
         for one, kept in zip(self.responses, internal, strict=True):
             one.restore(kept)
 
-    def commit(self, u: Float) -> None:
+    def commit(self, u: Float, factors: Float) -> None:
         """A step has ended at ``u``: what its points have been through is their history."""
+        if any(one.block.law.state_size for one in self.responses):
+            self.internal(u, factors)
         for one in self.responses:
             one.commit(u)
 
 
-def _portions(cells: Int) -> list[Long]:
+def portions(cells: Int) -> list[Long]:
+    """Numbers of elements, some at a time."""
     every = np.arange(len(cells))
     return [every[first : first + _PORTION] for first in range(0, len(cells), _PORTION)]

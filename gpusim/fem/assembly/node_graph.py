@@ -314,6 +314,7 @@ class Numbering:
             prescribed=model.prescribed[..., self.order, :],
             loads=[load.renumbered(self._place, points) for load in model.loads],
             temperature=None if model.temperature is None else model.temperature[:, self.order],
+            constraints=[one.renumbered(self.order) for one in model.constraints],
         )
 
     def forward(self, values: Float) -> Float:

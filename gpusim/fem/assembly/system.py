@@ -26,6 +26,15 @@ _REPEATS = 8
 
 
 @dataclass(frozen=True, eq=False)
+class ElementForces:
+    """(L,N,3) -> (L,N,3): the ``product`` K u, element by element, and what its ``rounding`` can
+    come to; see ``Deformation``."""
+
+    product: Callable[[Float], Float]
+    rounding: Callable[[Float], Float]
+
+
+@dataclass(frozen=True, eq=False)
 class System:
     """The scaled problem K' u' = f': K' = K/scale, f' = f/load_scale per load case.
 
@@ -51,7 +60,7 @@ class System:
     prescribed: Float
     pull: Float | None
     loads: Float
-    elements: Deformation
+    elements: ElementForces
     stencil: Stencil | None = None
     first_case: int = 0
 
@@ -112,10 +121,7 @@ def scaled_system(
     scale = float(2.0 ** np.round(np.log2(largest)))
     pull = apply_stiffness(rows, prescribed) if prescribed.any() else None
     right = np.where(free, loads - (0.0 if pull is None else pull), 0.0)
-    size = np.abs(right).max(axis=(1, 2))
-    load_scale: Float = np.exp2(np.round(np.log2(np.where(size > 0.0, size, 1.0))))
-    with np.errstate(over="ignore"):
-        check_finite(np.append(scale / load_scale, 1.0 / scale), "stiffness over loads")
+    load_scale = size_of_loads(right, scale)
     stencil = None
     if lattice is not None and rows.class_count <= rows.node_count // _REPEATS:
         stencil = stencil_of(rows, lattice, scale)
@@ -136,8 +142,8 @@ def scaled_system(
         apply=(lambda u: apply_stiffness(rows, u) / scale) if by_runs is None else by_runs,
         stencil=stencil,
         rounding=rounding,
-        row_sum=_row_sum(rows) / scale,
-        contrast=_contrast(rows),
+        row_sum=row_sum(rows) / scale,
+        contrast=contrast(rows),
         right=right / load_scale[:, None, None],
         free=free,
         scale=scale,
@@ -145,8 +151,17 @@ def scaled_system(
         prescribed=prescribed,
         pull=pull,
         loads=loads,
-        elements=elements,
+        elements=ElementForces(elements.product, elements.rounding),
     )
+
+
+def size_of_loads(right: Float, scale: float) -> Float:
+    """(L,) powers of two near the greatest force of each right-hand side (L,N,3)."""
+    size = np.abs(right).max(axis=(1, 2))
+    load_scale: Float = np.exp2(np.round(np.log2(np.where(size > 0.0, size, 1.0))))
+    with np.errstate(over="ignore"):
+        check_finite(np.append(scale / load_scale, 1.0 / scale), "stiffness over loads")
+    return load_scale
 
 
 def finest_product(rows: BlockRows, system: System) -> Product | StencilProduct:
@@ -156,14 +171,14 @@ def finest_product(rows: BlockRows, system: System) -> Product | StencilProduct:
     return Product.of_rows(rows, system.scale)
 
 
-def _contrast(rows: BlockRows) -> float:
+def contrast(rows: BlockRows) -> float:
     """Greatest over least trace of the diagonal blocks, nodes of no cell left out."""
     trace = np.einsum("cii->c", rows.diagonal)
     trace = trace[trace > 0.0]
     return float(trace.max() / trace.min()) if trace.size else 1.0
 
 
-def _row_sum(rows: BlockRows) -> float:
+def row_sum(rows: BlockRows) -> float:
     """At least the sum of absolute values in any row of K without its diagonal block.
 
     K is positive semidefinite, so no entry exceeds the greatest one on its diagonal.

@@ -9,11 +9,11 @@ In the order in which data passes:
 - `element_matrix`: Element stiffness matrices in float64, many elements at a time.
 - `straight_tetrahedra`: Stiffness of straight-sided quadratic tetrahedra in closed form.
 - `strain`: Strain and stress of many cells at the quadrature points of their formulation, and back.
+- `finite_strain`: Finite strain at points of elements, written out by components.
 - `element_response`: How elements answer to a motion: internal forces, tangents, and what they
   remember of it.
 - `polar_rotation`: The rotation of many deformation gradients.
 - `corotational`: The linear element turned with its cell.
-- `finite_strain`: Finite strain at points of elements, written out by components.
 - `total_lagrangian`: Elements at finite strain, in the reference configuration.
 - `enhanced_modes`: The incompatible hexahedron at finite strain.
 - `mean_dilatation`: Mean dilatation at finite strain, from an energy.

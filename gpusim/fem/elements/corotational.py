@@ -15,26 +15,22 @@ from typing import Protocol
 import numpy as np
 
 from gpusim.arrays.array_types import Float, Long
-from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.elements.element_response import (
     ElementBlock,
-    ForetoldStress,
-    Internal,
+    ElementResponse,
     PointValues,
     Want,
-    centre_slope,
+    nodal_slope,
     require_upright,
 )
 from gpusim.fem.elements.finite_strain import (
-    largest_principal_strain,
+    green_lagrange,
     pushed_forward,
-    strain_change,
+    tensor,
 )
-from gpusim.fem.elements.isoparametric_map import determinant, inverse, reference_gradient, times
+from gpusim.fem.elements.isoparametric_map import determinant, inverse, times
 from gpusim.fem.elements.polar_rotation import polar_rotation
 from gpusim.fem.elements.strain import internal_force, point_stress
-
-_CHUNK = 512
 
 
 class LinearMatrices(Protocol):
@@ -42,7 +38,6 @@ class LinearMatrices(Protocol):
 
     def at(self, which: Long) -> Float:
         """(m,3k,3k) of the elements ``which``."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +45,7 @@ class CellFrame:
     """Chosen cells and the rotation of each.
 
     gradient : (m,k,3) G of the nodes at the centre.
-    rotation : (m,3,3) R, and ``turn`` R - 1.
+    rotation : (m,3,3) R.
     position : (m,k,3) y = R^T x, relative to the first node; ``strained`` d of it (m,3k).
     spin : (m,3,3k) of the cell by turned motion of the nodes; ``resistance`` (m,3,3) what maps
         moments to it, the inverse of (tr U - U).
@@ -64,19 +59,16 @@ class CellFrame:
     resistance: Float
 
 
-class Corotational:
+class Corotational(ElementResponse):
     """Elements of ``block`` whose linear matrices are ``matrices``; an `ElementResponse`.
 
     Free strain acts in the turned cell: heat follows the material. Keeps 24 bytes a node for
-    foretold forces once these are asked for.
+    foretold forces.
     """
 
     def __init__(self, block: ElementBlock, matrices: LinearMatrices) -> None:
-        self.block, self.matrices = block, matrices
-        self.name, self.cells = block.name, block.cells
-        count, nodes = block.cells.shape
-        self._foretold = ForetoldStress((count, 3 * nodes))
-        self.set_free_strain(block.free_strain)
+        super().__init__(block, (len(block.cells), 3 * block.cells.shape[1]), None)
+        self.matrices = matrices
 
     def response(self, which: Long, u: Float, want: Want) -> tuple[Float, Float | None]:
         """See `ElementResponse`."""
@@ -87,11 +79,12 @@ class Corotational:
         forces = np.matmul(balanced, frame.rotation.swapaxes(1, 2)).reshape(local.shape)
         if want is Want.FORCES:
             return forces, None
+        # d moves by (1 + S w) v, with spin w v: a matrix of rank 3 and its transpose beside K
         by_spin = _skew(frame.position)
         turned = np.matmul(matrices, by_spin)
         stiffness = np.matmul(by_spin.swapaxes(1, 2), turned)
         if want is Want.TANGENT:
-            stress = self._foretold.instead_of(local, which)
+            stress = self._or_foretold(local, which)
             geometric, inner = _geometric(frame, stress, by_spin)
             turned += geometric
             stiffness += inner
@@ -103,86 +96,51 @@ class Corotational:
 
     def advance(self, which: Long, u: Float, du: Float, foretell: bool) -> None:
         """See `ElementResponse`."""
+        self._foretold[which] = np.nan
         if not foretell:
-            self._foretold.valid[which] = False
             return
         frame = self._frame(which, u)
         motion = np.matmul(self.block.relative(du, which), frame.rotation)
         spin = np.matmul(frame.spin, motion.reshape(len(which), -1, 1))
         motion += np.matmul(_skew(frame.position), spin).reshape(motion.shape)
         strained = frame.strained + motion.reshape(frame.strained.shape)
-        self._foretold.put(which, self._local_force(which, self.matrices.at(which), strained))
-
-    def forget_foretold(self) -> None:
-        """See `ElementResponse`."""
-        self._foretold.forget()
-
-    def snapshot(self) -> Internal:
-        """See `ElementResponse`."""
-        return Internal(None, self._foretold.copy(), None)
-
-    def restore(self, internal: Internal) -> None:
-        """See `ElementResponse`."""
-        self._foretold = internal.foretold.copy()
-
-    def commit(self, u: Float) -> None:
-        """See `ElementResponse`; there is nothing to keep."""
-
-    def set_free_strain(self, free_strain: Float | None) -> None:
-        """See `ElementResponse`."""
-        self._free_strain, self._free_force = free_strain, None
-        if free_strain is not None:
-            count = len(self.cells)
-            chunks = range(0, count, _CHUNK)
-            parts = [np.arange(start, min(start + _CHUNK, count)) for start in chunks]
-            self._free_force = np.concatenate([self._held_force(which) for which in parts])
-
-    def strain_extent(self, which: Long, u: Float) -> Float:
-        """See `ElementResponse`."""
-        return largest_principal_strain(self.point_values(which, u).strain)
+        self._foretold[which] = self._local_force(which, self.matrices.at(which), strained)
 
     def point_values(self, which: Long, u: Float) -> PointValues:
         """See `ElementResponse`. Stress in the cell's frame is taken for second Piola-Kirchhoff
-        stress; the strain is what belongs to it, with the quadratic part of the nodes' motion."""
+        stress; the strain is that of the stretch that belongs to it."""
         frame, block = self._frame(which, u), self.block
-        nodes = block.relative(block.points, which)
-        strained = frame.strained.reshape(nodes.shape)
-        moduli = block.law.stiffness()
-        free = None if self._free_strain is None else self._free_strain[which]
-        stress, volume = point_stress(self.name, block.formulation, nodes, strained, moduli, free)
-        jacobian = reference_gradient(nodes, block.rule)
-        slope = reference_gradient(strained, block.rule)
-        slope = times(slope, inverse(jacobian, determinant(jacobian)))
-        strain = stress @ np.linalg.inv(moduli)
-        strain += 0.5 * strain_change(slope, slope)
-        if free is not None:
-            strain += free
+        stress, volume = self._point_stress(which, frame.strained)
+        strain = stress @ np.linalg.inv(block.law.stiffness())
+        if self._free_strain is not None:
+            strain += self._free_strain[which]
+        strain = green_lagrange(tensor(strain * [1.0, 1.0, 1.0, 0.5, 0.5, 0.5]))
         rotation = frame.rotation.transpose(1, 2, 0)[..., None]
         return PointValues(pushed_forward(rotation, stress), stress, strain, volume)
 
-    def _held_force(self, which: Long) -> Float:
-        """(m,3k) linear nodal forces of the free strain, in the cell's frame: those of cells whose
-        nodes are held, with the sign changed."""
+    def _point_stress(self, which: Long, strained: Float) -> tuple[Float, Float]:
+        """Stress (m,Q,6) in the cell's frame and volume (m,Q)."""
         block = self.block
         nodes = block.relative(block.points, which)
-        kind = self.name, block.formulation, nodes
-        moduli = block.law.stiffness()
-        assert self._free_strain is not None
-        held, _ = point_stress(*kind, np.zeros_like(nodes), moduli, self._free_strain[which])
-        return -internal_force(*kind, held).reshape(len(nodes), -1)
+        free = None if self._free_strain is None else self._free_strain[which]
+        moved, moduli = strained.reshape(nodes.shape), block.law.stiffness()
+        return point_stress(self.name, block.formulation, nodes, moved, moduli, free)
 
     def _local_force(self, which: Long, matrices: Float, strained: Float) -> Float:
-        force: Float = np.matmul(matrices, strained[..., None])[..., 0]
-        return force if self._free_force is None else force - self._free_force[which]
+        """(m,3k) in the cell's frame."""
+        if self._free_strain is None:
+            return np.asarray(np.matmul(matrices, strained[..., None])[..., 0])
+        block = self.block
+        nodes = block.relative(block.points, which)
+        stress, _ = self._point_stress(which, strained)
+        force = internal_force(self.name, block.formulation, nodes, stress)
+        return force.reshape(strained.shape)
 
     def _frame(self, which: Long, u: Float) -> CellFrame:
         block = self.block
         nodes, motion = block.relative(block.points, which), block.relative(u, which)
-        centre = ELEMENTS[self.name].centre_gradient
-        jacobian = centre_slope(nodes, centre)
-        back = inverse(jacobian, determinant(jacobian))
-        gradient = np.matmul(centre, back.transpose(2, 0, 1))
-        slope = centre_slope(motion, gradient)
+        gradient, _, _ = block.centre(which)
+        slope = nodal_slope(motion, gradient)
         deformation = slope + np.eye(3)[..., None]
         require_upright(self.name, determinant(deformation))
         turn = polar_rotation(slope)
@@ -197,14 +155,8 @@ class Corotational:
         strained = motion + np.matmul(nodes + motion, by_turn)
         crossed = _skew(gradient).reshape(*gradient.shape, 3).transpose(0, 2, 1, 3)
         spin = np.matmul(resistance, crossed.reshape(len(nodes), 3, -1))
-        return CellFrame(
-            gradient,
-            by_turn + np.eye(3),
-            nodes + strained,
-            strained.reshape(len(nodes), -1),
-            spin,
-            resistance,
-        )
+        position, flat = nodes + strained, strained.reshape(len(nodes), -1)
+        return CellFrame(gradient, by_turn + np.eye(3), position, flat, spin, resistance)
 
 
 def _skew(vectors: Float) -> Float:
@@ -224,10 +176,8 @@ def _balanced(frame: CellFrame, force: Float) -> tuple[Float, Float]:
     by_node = force.reshape(frame.position.shape)
     moment = np.matmul(force[:, None], _skew(frame.position))
     couple = np.matmul(frame.resistance, -moment.swapaxes(1, 2))[..., 0]
-    # G_a x n
-    return by_node + np.matmul(_skew(frame.gradient), couple[..., None]).reshape(
-        by_node.shape
-    ), couple
+    crossed: Float = np.matmul(_skew(frame.gradient), couple[..., None])
+    return by_node + crossed.reshape(by_node.shape), couple
 
 
 def _geometric(frame: CellFrame, force: Float, by_spin: Float) -> tuple[Float, Float]:

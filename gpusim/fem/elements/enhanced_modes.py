@@ -2,8 +2,8 @@
 
 F = F_u + F_0 sum_c h_c (x) a_c with the modes' gradients h_c of the linear element (Taylor,
 Beresford & Wilson 1976) and F_0 at the cell's centre (Glaser & Armero, Eng. Comput. 14 (1997)
-759). It is the linear element where motion is small, and pressure softens no mode. (With F_u + sum_c a_c (x) h_c
-it does: cells a times as long as thick buckle at a strain of 1/a^2.)
+759). It is the linear element where motion is small, and pressure softens no mode. (It does with
+F_u + sum_c a_c (x) h_c: cells a times as long as thick buckle at a strain of 1/a^2.)
 
 Modes are eliminated from the tangent and move with each global step. Solving for them inside each
 element is far less robust.
@@ -17,11 +17,12 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import NotConverged
-from gpusim.fem.elements.element import ELEMENTS, mode_gradient
-from gpusim.fem.elements.element_response import ElementBlock, Internal, Want, centre_slope
+from gpusim.fem.elements.element import mode_gradient
+from gpusim.fem.elements.element_response import ElementBlock, Internal, Want, nodal_slope
 from gpusim.fem.elements.finite_strain import (
     IDENTITY,
     add_geometric,
+    at_nodes,
     material_part,
     node_rows,
     point_matrices,
@@ -31,7 +32,7 @@ from gpusim.fem.elements.finite_strain import (
     strain_rows,
     tensor,
 )
-from gpusim.fem.elements.isoparametric_map import determinant, inverse, times
+from gpusim.fem.elements.isoparametric_map import times
 from gpusim.fem.elements.total_lagrangian import PointMotion, TotalLagrangian
 
 
@@ -57,6 +58,8 @@ class EnhancedModes(TotalLagrangian):
     `TotalLagrangian` keeps.
     """
 
+    by_moduli = True
+
     def __init__(self, block: ElementBlock) -> None:
         super().__init__(block)
         count, width = len(block.cells), 3 * block.cells.shape[1]
@@ -70,14 +73,13 @@ class EnhancedModes(TotalLagrangian):
         elimination."""
         motion = self._motion(which, u)
         geometry, count = motion.geometry, len(which)
-        update = self._update(which, motion.strain, True)
+        update = self._try(which, motion.strain, want)
         assert update.moduli is not None
         rows, shapes = strain_rows(motion.gradient, geometry.back), self._moved_shapes(motion)
-        nodes = node_rows(shapes)
         inner, mixed = self._mode_moduli(motion, rows, update.moduli)
-        outer = np.matmul(nodes, mixed).reshape(count, -1, 9)
+        outer = np.matmul(node_rows(shapes), mixed).reshape(count, -1, 9)
         if want is not Want.MATERIAL:
-            stress = self._foretold.instead_of(update.stress, which)
+            stress = self._or_foretold(update.stress, which)
             added = self._mode_geometric(motion, shapes, stress)
             inner, outer = inner + added[0], outer + added[1]
         right = self._mode_forces(motion, update.stress)[..., None]
@@ -86,8 +88,7 @@ class EnhancedModes(TotalLagrangian):
         solved = self._solved(inner, right)
         if want is not Want.MATERIAL:
             self._elimination[which, :, : right.shape[2]] = solved
-        flux = self._flux(motion, motion.gradient, update.stress)
-        forces = np.matmul(nodes, flux.reshape(count, -1, 3)).reshape(count, -1)
+        forces = at_nodes(shapes, self._flux(motion, motion.gradient, update.stress))
         forces -= np.matmul(outer, solved[..., :1])[..., 0]
         if want is Want.FORCES:
             return forces, None
@@ -113,22 +114,16 @@ class EnhancedModes(TotalLagrangian):
 
     def _motion(self, which: Long, u: Float) -> ModeMotion:
         geometry, block = self._geometry(which), self.block
-        centre = ELEMENTS[self.name].centre_gradient
-        jacobian = centre_slope(block.relative(block.points, which), centre)
-        det = determinant(jacobian)
-        back = inverse(jacobian, det)
-        gradient = np.matmul(centre, back.transpose(2, 0, 1))
+        gradient, back, det = block.centre(which)
         nodal = block.relative(u, which)
-        of_centre = IDENTITY + centre_slope(nodal, gradient)[..., None]
+        of_centre = IDENTITY + nodal_slope(nodal, gradient)[..., None]
         amplitude = mode_gradient(self.rule)[:, range(3), range(3)].T[None, :, None]
         modes = back.swapaxes(0, 1)[..., None] * amplitude * (det[:, None] / geometry.det)
         mode_slope = times(modes, _by_component(self._modes[which]))
         slope = self._slope(geometry, nodal) + times(of_centre, mode_slope)
-        plain = self._moved(geometry, slope)
-        return ModeMotion(
-            geometry, slope, plain.gradient, plain.strain,
-            mode_slope, modes, times(of_centre, modes), gradient,
-        )  # fmt: skip
+        plain = vars(self._moved(geometry, slope))
+        return ModeMotion(**plain, mode_slope=mode_slope, mode_gradients=modes,
+                          moved=times(of_centre, modes), centre_gradient=gradient)  # fmt: skip
 
     def _moved_shapes(self, motion: ModeMotion) -> Float:
         """(m,Q,3,k) slopes by motion of the nodes, which moves F_0 too."""
@@ -171,10 +166,8 @@ class EnhancedModes(TotalLagrangian):
         outer = sums.reshape(count, nodes, 3, 3, 3).swapaxes(2, 3)
         turned = point_sums(times(motion.gradient, weighted), motion.mode_gradients)
         turned = turned.transpose(0, 3, 1, 2, 4).reshape(count, 3, 27)
-        turning = np.matmul(motion.centre_gradient, turned)
-        return inner.reshape(count, 9, 9), turning.reshape(count, -1, 9) + outer.reshape(
-            count, -1, 9
-        )
+        turning = np.matmul(motion.centre_gradient, turned).reshape(count, -1, 9)
+        return inner.reshape(count, 9, 9), turning + outer.reshape(turning.shape)
 
     def _solved(self, inner: Float, right: Float) -> Float:
         """The modes' motion, with the sign changed, by the columns of ``right``."""
@@ -194,7 +187,7 @@ class EnhancedModes(TotalLagrangian):
 
     def _slope_change(self, which: Long, motion: PointMotion, step: Float) -> Float:
         assert isinstance(motion, ModeMotion)
-        turning = centre_slope(step, motion.centre_gradient)[..., None]
+        turning = nodal_slope(step, motion.centre_gradient)[..., None]
         change = super()._slope_change(which, motion, step) + times(turning, motion.mode_slope)
         return change + times(motion.moved, _by_component(self._mode_change(which, step)))
 

@@ -12,12 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
-from gpusim.fem.elements.element import Rule
-from gpusim.fem.elements.isoparametric_map import times
+from gpusim.fem.elements.isoparametric_map import determinant, times
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
 """The axes of a component xx yy zz xy yz zx."""
 IDENTITY = np.eye(3)[..., None, None]
+_LEAST_STIFFNESS = 1e-3
 
 
 def green_lagrange(slope: Float) -> Float:
@@ -39,13 +39,9 @@ def strain_change(gradient: Float, slope: Float) -> Float:
 
 def volume_change(slope: Float) -> Float:
     """(…) determinant of the deformation gradient, less one."""
-    a = slope
-    minors = a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0]
-    change = a[0, 0] + a[1, 1] + a[2, 2] + minors
-    change += a[1, 1] * a[2, 2] - a[1, 2] * a[2, 1] + a[0, 0] * a[2, 2] - a[0, 2] * a[2, 0]
-    change += minors * a[2, 2] + a[0, 1] * a[1, 2] * a[2, 0] + a[0, 2] * a[1, 0] * a[2, 1]
-    change -= a[0, 0] * a[1, 2] * a[2, 1] + a[0, 2] * a[1, 1] * a[2, 0]
-    return np.asarray(change)
+    h = slope
+    minors = sum(h[i, i] * h[j, j] - h[i, j] * h[j, i] for i, j in PAIRS[3:])
+    return np.asarray(h[0, 0] + h[1, 1] + h[2, 2] + minors + determinant(h))
 
 
 def tensor(stress: Float) -> Float:
@@ -56,14 +52,20 @@ def tensor(stress: Float) -> Float:
     return result
 
 
-def components(matrix: Float) -> Float:
-    """(…,6) of symmetric (3,3,…)."""
-    return np.stack([matrix[i, j] for i, j in PAIRS], axis=-1)
-
-
 def pushed_forward(gradient: Float, stress: Float) -> Float:
     """(…,6) F S F^T of gradients F (3,3,…) and stresses (…,6)."""
-    return components(times(times(gradient, tensor(stress)), gradient.swapaxes(0, 1)))
+    pushed = times(times(gradient, tensor(stress)), gradient.swapaxes(0, 1))
+    return np.stack([pushed[i, j] for i, j in PAIRS], axis=-1)
+
+
+def definite(moduli: Float) -> Float:
+    """Moduli (…,6,6) without directions in which they aren't positive: eigenvalues of at least a
+    thousandth of the greatest."""
+    values, vectors = np.linalg.eigh(moduli)
+    if (values[..., 0] > _LEAST_STIFFNESS * values[..., -1]).all():
+        return moduli
+    values = np.maximum(values, _LEAST_STIFFNESS * values[..., -1:])
+    return np.asarray(np.matmul(vectors * values[..., None, :], vectors.swapaxes(-1, -2)))
 
 
 def point_matrices(matrix: Float) -> Float:
@@ -120,6 +122,12 @@ def node_rows(gradient: Float) -> Float:
     return np.ascontiguousarray(tall).reshape(*tall.shape[:-2], -1)
 
 
+def at_nodes(gradient: Float, flux: Float) -> Float:
+    """(M,3k) forces of fluxes (M,Q,J,i), with gradients as of ``stiffness_of``."""
+    forces: Float = np.matmul(node_rows(gradient), flux.reshape(len(flux), -1, 3))
+    return forces.reshape(len(flux), -1)
+
+
 def stiffness_of(moduli: Float, gradient: Float) -> Float:
     """(M,3k,3k) of [J,i,k,L] at points, with gradients (Q,3,k) or (M,Q,3,k) of the nodes."""
     count, points = moduli.shape[:2]
@@ -136,24 +144,10 @@ def _order(nodes: int) -> npt.NDArray[np.intp]:
     return np.arange(9 * nodes * nodes).reshape(nodes, 3, 3, nodes).swapaxes(2, 3).ravel()
 
 
-def reference_shapes(rule: Rule) -> Float:
-    """(Q,3,k) gradients of a rule's shape functions, contiguous."""
-    return np.ascontiguousarray(rule.gradient.transpose(0, 2, 1))
-
-
 def largest_principal_strain(strain: Float) -> Float:
     """(m,) largest size of a principal Biot strain at the points of cells, of Green-Lagrange
     strains (m,Q,6)."""
-    axial, shear = strain[..., :3], 0.5 * strain[..., 3:]
-    mean = axial.mean(axis=-1)
-    a, b, c = np.moveaxis(axial - mean[..., None], -1, 0)
-    xy, yz, zx = np.moveaxis(shear, -1, 0)
-    size = np.sqrt((a * a + b * b + c * c + 2.0 * (xy * xy + yz * yz + zx * zx)) / 6.0)
-    scale = np.where(size > 0.0, size, 1.0)
-    a, b, c, xy, yz, zx = (one / scale for one in (a, b, c, xy, yz, zx))
-    det = a * (b * c - yz * yz) - xy * (xy * c - yz * zx) + zx * (xy * yz - b * zx)
-    angle = np.arccos(np.clip(0.5 * det, -1.0, 1.0)) / 3.0
-    ends = [mean + 2.0 * size * np.cos(angle + turn) for turn in (0.0, 2.0 * np.pi / 3.0)]
+    values = np.linalg.eigvalsh(tensor(strain * [1.0, 1.0, 1.0, 0.5, 0.5, 0.5]).T)
     # 1 + 2 E is a square: below zero by rounding alone
-    biot = [2.0 * e / (1.0 + np.sqrt(np.maximum(1.0 + 2.0 * e, 0.0))) for e in ends]
+    biot = np.sqrt(np.maximum(1.0 + 2.0 * values, 0.0)) - 1.0
     return np.asarray(np.abs(biot).max(axis=(0, 2)))

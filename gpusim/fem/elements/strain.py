@@ -11,6 +11,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.fem.elements.element import ELEMENTS, Rule, mode_gradient
+from gpusim.fem.elements.finite_strain import PAIRS, tensor
 from gpusim.fem.elements.isoparametric_map import (
     determinant,
     inverse,
@@ -18,9 +19,6 @@ from gpusim.fem.elements.isoparametric_map import (
     solve_definite,
     times,
 )
-
-# the pairs of axes of a strain's components xx yy zz xy yz zx
-_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
 
 
 def point_stress(
@@ -45,7 +43,7 @@ def point_stress(
     # differences first: a rigid translation doesn't cost digits
     slope = times(reference_gradient(u - u[:, :1], rule), inverse(jacobian, det))
     strain = np.empty((*det.shape, 6))
-    for column, (i, j) in enumerate(_PAIRS):
+    for column, (i, j) in enumerate(PAIRS):
         strain[..., column] = slope[i, i] if i == j else slope[i, j] + slope[j, i]
     if formulation == "bbar":
         change = strain[..., :3].sum(axis=2)
@@ -72,12 +70,9 @@ def internal_force(kind: str, formulation: str, nodes: Float, stress: Float) -> 
         average = (mean * volume).sum(axis=1) / volume.sum(axis=1)
         stress = stress.copy()
         stress[..., :3] += (average[:, None] - mean)[..., None]
-    tensor = np.empty((3, 3, *det.shape))
-    for column, (i, j) in enumerate(_PAIRS):
-        tensor[i, j] = tensor[j, i] = stress[..., column] * volume
     count, points = det.shape
     # forces[m,k,i] = sum over q, l of (s J^-T)[i,l] dN_k / d xi_l, as one matrix product
-    flux = times(tensor, turned.transpose(1, 0, 2, 3))
+    flux = times(tensor(stress) * volume, turned.transpose(1, 0, 2, 3))
     table = rule.gradient.transpose(0, 2, 1).reshape(3 * points, -1)
     flat = flux.transpose(0, 2, 3, 1).reshape(3 * count, 3 * points) @ table
     return np.ascontiguousarray(flat.reshape(3, count, -1).transpose(1, 2, 0))
@@ -97,7 +92,7 @@ def _mode_stress(nodes: Float, rule: Rule, det: Float, stress: Float, moduli: Fl
     count = len(nodes)
     # B_c without its amplitude: (M,6,3,3) strain, mode, component
     operator = np.zeros((count, 6, 3, 3))
-    for row, (i, j) in enumerate(_PAIRS):
+    for row, (i, j) in enumerate(PAIRS):
         operator[:, row, :, i] += turned[:, j].T
         if i != j:
             operator[:, row, :, j] += turned[:, i].T

@@ -8,15 +8,14 @@ point, between two products with a table.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gpusim.arrays.array_types import Float, Long
 from gpusim.fem.elements.element_response import (
     ElementBlock,
-    ForetoldStress,
-    Internal,
+    ElementResponse,
     PointValues,
     Want,
     require_upright,
@@ -24,13 +23,12 @@ from gpusim.fem.elements.element_response import (
 from gpusim.fem.elements.finite_strain import (
     IDENTITY,
     add_geometric,
+    at_nodes,
+    definite,
     green_lagrange,
-    largest_principal_strain,
     material_part,
-    node_rows,
     point_matrices,
     pushed_forward,
-    reference_shapes,
     stiffness_of,
     strain_change,
     strain_rows,
@@ -38,7 +36,7 @@ from gpusim.fem.elements.finite_strain import (
     volume_change,
 )
 from gpusim.fem.elements.isoparametric_map import determinant, inverse, reference_gradient, times
-from gpusim.fem.materials.law import Law, Update
+from gpusim.fem.materials.law import Update
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,32 +64,25 @@ class PointMotion:
     strain: Float
 
 
-class TotalLagrangian:
+class TotalLagrangian(ElementResponse):
     """Displacement form of the elements of ``block``; an `ElementResponse`.
 
-    Keeps 48 bytes a point for foretold stresses once these are asked for, and the law's states
-    twice. Raises InputError for elements inverted at a quadrature point.
+    Keeps 48 bytes a point for foretold stresses, and the law's states twice.
     """
 
+    by_moduli = False  # whether forces take moduli, too
+
     def __init__(self, block: ElementBlock) -> None:
-        self.block, self.name, self.cells = block, block.name, block.cells
-        assert isinstance(block.law, Law)
         self.rule, self.law = block.rule, block.law
-        self.shapes = reference_shapes(self.rule)
-        count, points = len(block.cells), len(self.rule.weight)
-        self._foretold = ForetoldStress((count, points, 6))
-        size = self.law.state_size
-        self._state = np.zeros((count, points, size)) if size else None
-        self._trial = None if self._state is None else self._state.copy()
-        self._free_strain = block.free_strain
+        points, size = (len(block.cells), len(self.rule.weight)), block.law.state_size
+        super().__init__(block, (*points, 6), (*points, size) if size else None)
+        self.shapes = np.ascontiguousarray(self.rule.gradient.transpose(0, 2, 1))
 
     def response(self, which: Long, u: Float, want: Want) -> tuple[Float, Float | None]:
         """See `ElementResponse`."""
         motion = self._motion(which, u)
-        update = self._update(which, motion.strain, want is not Want.FORCES)
-        flux = self._flux(motion, motion.gradient, update.stress)
-        forces = np.matmul(node_rows(self.shapes), flux.reshape(len(which), -1, 3))
-        forces = forces.reshape(len(which), -1)
+        update = self._try(which, motion.strain, want)
+        forces = at_nodes(self.shapes, self._flux(motion, motion.gradient, update.stress))
         if want is Want.FORCES:
             return forces, None
         assert update.moduli is not None
@@ -99,14 +90,14 @@ class TotalLagrangian:
         rows = strain_rows(motion.gradient, geometry.back)
         moduli = material_part(rows, update.moduli, geometry.volume)
         if want is Want.TANGENT:
-            stress = self._foretold.instead_of(update.stress, which)
+            stress = self._or_foretold(update.stress, which)
             add_geometric(moduli, self._flux(motion, geometry.back, stress))
         return forces, stiffness_of(moduli, self.shapes)
 
     def advance(self, which: Long, u: Float, du: Float, foretell: bool) -> None:
-        """See `ElementResponse`; laws with a history foretell nothing."""
+        """See `ElementResponse`."""
+        self._foretold[which] = np.nan
         if not foretell or self._state is not None:
-            self._foretold.valid[which] = False
             return
         # S + dS/dE : dE, by the linear part of the strain
         motion = self._motion(which, u)
@@ -115,38 +106,10 @@ class TotalLagrangian:
         change = self._slope_change(which, motion, self.block.relative(du, which))
         strain = strain_change(motion.gradient, change)
         added = np.matmul(update.moduli, strain[..., None])[..., 0]
-        self._foretold.put(which, update.stress + added)
-
-    def forget_foretold(self) -> None:
-        """See `ElementResponse`."""
-        self._foretold.forget()
-
-    def snapshot(self) -> Internal:
-        """See `ElementResponse`."""
-        # states aren't written to: a commit puts others in their place
-        return Internal(None, self._foretold.copy(), self._state)
-
-    def restore(self, internal: Internal) -> None:
-        """See `ElementResponse`."""
-        self._foretold = internal.foretold.copy()
-        self._state = internal.state
-        self._trial = None if self._state is None else self._state.copy()
-
-    def commit(self, u: Float) -> None:
-        """See `ElementResponse`."""
-        self._state = self._trial
-        self._trial = None if self._state is None else self._state.copy()
-
-    def set_free_strain(self, free_strain: Float | None) -> None:
-        """See `ElementResponse`."""
-        self._free_strain = free_strain
-
-    def strain_extent(self, which: Long, u: Float) -> Float:
-        """See `ElementResponse`."""
-        return largest_principal_strain(self._motion(which, u).strain)
+        self._foretold[which] = update.stress + added
 
     def point_values(self, which: Long, u: Float) -> PointValues:
-        """See `ElementResponse`; of the committed state."""
+        """See `ElementResponse`."""
         motion = self._motion(which, u)
         stress = self._law(which, motion.strain, False).stress
         ratio = 1.0 + volume_change(motion.slope)
@@ -179,8 +142,12 @@ class TotalLagrangian:
         state = None if self._state is None else self._state[which]
         return self.law.update(strain, state, moduli=moduli)
 
-    def _update(self, which: Long, strain: Float, moduli: bool) -> Update:
-        update = self._law(which, strain, moduli)
+    def _try(self, which: Long, strain: Float, want: Want) -> Update:
+        """The law's answer, whose states are those of the step if it is the last; with definite
+        moduli for the material part."""
+        update = self._law(which, strain, self.by_moduli or want is not Want.FORCES)
+        if want is Want.MATERIAL and update.moduli is not None:
+            update = replace(update, moduli=definite(update.moduli))
         if self._trial is not None:
             self._trial[which] = update.state
         return update

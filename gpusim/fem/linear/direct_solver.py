@@ -8,16 +8,23 @@ from gpusim.arrays.array_types import Float
 from gpusim.fem.assembly.assembly import Assembled
 from gpusim.fem.assembly.system import System
 from gpusim.fem.direct_solvers.iterative_refinement import refine
+from gpusim.fem.krylov.cg import Preconditioner
 from gpusim.fem.krylov.outer_iteration import Outcome
 from gpusim.fem.linear.solve_plan import Direct, Options
 
 
-class DirectSolver:
+class DirectSolver(Preconditioner):
     """Factors that ``direct`` builds; ``note`` follows its description in messages."""
 
     def __init__(self, direct: Direct, note: str = "") -> None:
+        super().__init__()
         self._direct, self._note = direct, note
         self._factor = direct.build(direct.rows)
+
+    @property
+    def preconditioner(self) -> Preconditioner:
+        """The factors themselves."""
+        return self
 
     def apply(self, r: Float) -> Float:
         """K^-1 r for (L,3N) r; zero on fixed unknowns."""
@@ -35,6 +42,3 @@ class DirectSolver:
     def update(self, assembled: Assembled, system: System, points: Float) -> None:
         """Factorise another matrix of the same pattern, in the same order."""
         self._factor = self._direct.build(assembled.rows)
-
-    def follow(self, assembled: Assembled, system: System) -> None:
-        """Refine with another matrix, that is near to the one factorised."""

@@ -2,9 +2,13 @@
 
 In the order in which data passes:
 
+- `constraints`: Linear equations between displacements, as objects of a model: ties, and any
+  others.
 - `following_loads`: Loads that go with the deformed body: their forces, and what displacements
   change of them.
 - `model`: The model: mesh, materials, supports, loads and formulations.
+- `elimination`: Linear equations resolved: displacements given up and those they follow, u = T v +
+  g.
 - `solution`: The solution of a model: displacements, and how far they can be trusted.
 - `supports`: Supports: planes of symmetry, and which rigid-body motions supports leave free.
 - `loads`: Consistent nodal forces: each function returns (N,3) float64, to be added up freely.

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.array_types import Bool, Float, Int
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS, face_groups
@@ -44,17 +44,23 @@ def nodal_force(mesh: Mesh, nodes: npt.ArrayLike, total: npt.ArrayLike) -> Float
     >>> float(gs.fem.nodal_force(bar, gs.mesh.select_nodes(bar, name="x_max"), (0, 0, -10)).min())
     -2.5
     """
-    given = np.asarray(nodes)
-    whole = not given.size or given.dtype.kind in "iu"
-    require(whole, "nodal_force: nodes", given.dtype, "integer node numbers")
-    numbers = distinct(given.astype(np.int64))
-    inside = numbers.size > 0 and numbers[0] >= 0 and numbers[-1] < mesh.node_count
-    got = f"{numbers.size} numbers {numbers[:3].tolist()}…"
-    expected = f"at least one in 0 … {mesh.node_count - 1}"
-    require(inside, "nodal_force: nodes", got, expected)
+    numbers = node_numbers("nodal_force: nodes", mesh, nodes)
     forces = np.zeros((mesh.node_count, 3))
     forces[numbers] = vector("nodal_force: total", total) / len(numbers)
     return forces
+
+
+def node_numbers(what: str, mesh: Mesh, nodes: npt.ArrayLike) -> Long:
+    """(K,) distinct ones, ascending. Raises InputError naming ``what`` if there are none, or some
+    that the mesh doesn't have."""
+    given = np.asarray(nodes)
+    whole = not given.size or given.dtype.kind in "iu"
+    require(whole, what, given.dtype, "integer node numbers")
+    numbers = distinct(given.astype(np.int64))
+    inside = numbers.size > 0 and numbers[0] >= 0 and numbers[-1] < mesh.node_count
+    got = f"{numbers.size} numbers {numbers[:3].tolist()}…"
+    require(bool(inside), what, got, f"at least one in 0 … {mesh.node_count - 1}")
+    return numbers
 
 
 @unmasked()

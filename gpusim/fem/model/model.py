@@ -12,6 +12,7 @@ from gpusim.arrays.array_types import Bool, Float, Int
 from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.materials.law import Material
+from gpusim.fem.model.constraints import Equations, checked_constraints, touched
 from gpusim.fem.model.following_loads import FollowerPressure
 from gpusim.field_summary import field_summary
 from gpusim.mesh import Mesh
@@ -35,6 +36,8 @@ class Model:
         None: zero. Non-zero elsewhere is an error, so that a forgotten ``fixed`` can't pass.
     forces : (N,3) or (L,N,3) float64 nodal forces, L load cases; None: zero. One (N,3) with L
         prescribed displacements counts in every load case.
+    constraints : further equations between displacements: ties and others, see
+        `gpusim.fem.tie` and `gpusim.fem.equations`.
     loads : loads that go with the deformed body (`gpusim.fem.FollowerPressure`), each in a load
         case; linear statics takes their forces on the undeformed one.
     temperature : change of temperature at factor 1: one number, (N,) at the nodes, or (L,N);
@@ -57,6 +60,7 @@ class Model:
     forces: Float | None = None
     material_of_cell: Int | None = None
     prescribed: Float | None = None
+    constraints: Sequence[Equations] = ()
     loads: Sequence[FollowerPressure] = ()
     temperature: Float | None = None
     __repr__ = field_summary
@@ -94,8 +98,10 @@ class Model:
             of_cell = np.zeros(cells, dtype=np.int32)
         else:
             of_cell = _material_numbers(self.material_of_cell, cells, len(materials))
-        _refuse_loaded_dangling(self.mesh, forces, fixed)
+        constraints = checked_constraints(self.constraints, fixed.size)
+        _refuse_loaded_dangling(self.mesh, forces, fixed | touched(constraints, shape))
         object.__setattr__(self, "materials", materials)
+        object.__setattr__(self, "constraints", constraints)
         loads = _following(self.loads, self.mesh, len(forces) if forces.ndim == 3 else 1)
         object.__setattr__(self, "loads", loads)
         arrays = {"fixed": fixed, "forces": forces, "prescribed": prescribed}
@@ -216,10 +222,10 @@ def _temperature(value: Any, forces: tuple[int, ...]) -> Float:
     return np.array(np.broadcast_to(given, shapes[-1]))
 
 
-def _refuse_loaded_dangling(mesh: Mesh, forces: Float, fixed: Bool) -> None:
+def _refuse_loaded_dangling(mesh: Mesh, forces: Float, held: Bool) -> None:
     nodes = mesh.dangling_nodes
     loads = forces if forces.ndim == 3 else forces[None]
-    loaded = nodes[((loads[:, nodes] != 0.0).any(axis=0) & ~fixed[nodes]).any(axis=1)]
+    loaded = nodes[((loads[:, nodes] != 0.0).any(axis=0) & ~held[nodes]).any(axis=1)]
     if loaded.size:
         raise InputError(
             f"Model.forces: {loaded.size} loaded nodes belong to no cell; got node {loaded[0]}; "

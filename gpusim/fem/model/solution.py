@@ -64,15 +64,16 @@ class Solution:
     iterations : conjugate gradient iterations, refinements included; of the direct solver: solves.
     residuals : (iterations,L) preconditioned residual norms sqrt(r.z) over the first one; of the
         direct solver: corrections over the first one.
-    reactions : like u, the force that the supports exert; zero on free degrees of freedom. Their
-        relative error may be far larger than that of u where stiff parts are held by soft ones.
+    reactions : like u, the force that supports and constraints exert; zero on other degrees of
+        freedom. Their relative error may be far larger than that of u where stiff parts are held by
+        soft ones.
     strain_energy, external_work : (L,), u.Ku/2 and (forces . u + reactions . u)/2; they agree
         when the solve has converged.
-    unknowns : free degrees of freedom. message : why the solve ended. warnings : what a reader
-        should know (dangling nodes). timings : seconds per part. backend, real,
-        method, element_classes, row_classes : how it was computed. reasons : the solver's choices
-        and why, one a line. model : what was solved; None where nobody said it. steps : of a
-        nonlinear analysis, in their order; u and reactions are those of the last one.
+    unknowns : free degrees of freedom, less those that constraints give up. message : why the solve
+        ended. warnings : what a reader should know (dangling nodes). timings : seconds per part.
+        backend, real, method, element_classes, row_classes : how it was computed. reasons : the
+        solver's choices and why, one a line. model : what was solved; None where nobody said it.
+        steps : of a nonlinear analysis, in their order; u and reactions are those of the last one.
 
     Examples
     --------

@@ -7,13 +7,14 @@ from weakref import WeakSet
 import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import label
-from scipy.sparse import coo_matrix
+from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.unique import distinct, mix
 from gpusim.errors import InputError
 from gpusim.fem.lattice.lattice import Lattice
+from gpusim.fem.model.elimination import normalised_equations
 from gpusim.fem.model.model import Model
 from gpusim.mesh import Faces, Mesh
 from gpusim.mesh.cell_types import CELL_TYPES
@@ -23,6 +24,7 @@ from gpusim.validation import require
 _HELD: WeakSet[Model] = WeakSet()
 # beyond this many face-connected parts in one body, parts are taken as joined at shared nodes
 _MOST_PARTS = 60
+_AS_ONE = 1e-6  # parts whose free motions differ by less move together
 _THINNEST = 1e-7  # of its length: squared, a side's part in the rows is rounding
 
 
@@ -76,7 +78,8 @@ def check_supports(model: Model, lattice: Lattice | None = None) -> None:
 
     Cells are joined into parts through shared faces, and parts into bodies through shared nodes
     (a hinge). For each body the rank of all constraints on the six rigid-body motions of every
-    part is found: one row per fixed degree of freedom, three per node that parts share.
+    part is found: one row per fixed degree of freedom, three per node that parts share, one per
+    equation; bodies that equations join are looked at together.
 
     A model that has passed isn't looked at again. Raises InputError naming the free motions
     ("translation x", "rotation about z through …").
@@ -91,23 +94,45 @@ def _check_parts(model: Model, lattice: Lattice | None) -> None:
     part_of_cell = _parts(model.mesh) if lattice is None else _lattice_parts(lattice)
     count = model.mesh.node_count
     parts = int(part_of_cell.max()) + 1
-    if parts == 1:
+    if parts == 1 and not model.constraints:
         used = np.ones(count, dtype=bool)
         used[model.mesh.dangling_nodes] = False
         _check_body(model, np.flatnonzero(used))
         return
     node, part = _incidence(model.mesh, part_of_cell)
-    graph = coo_matrix((np.ones(len(node)), (node, count + part)), shape=(count + parts,) * 2)
-    _, number = connected_components(graph.tocsr(), directed=False)
-    body_of_part = number[count:]
-    for body in np.unique(body_of_part):
-        body_parts = np.flatnonzero(body_of_part == body)
-        inside = np.isin(part, body_parts)
-        if len(body_parts) > _MOST_PARTS:
-            _check_body(model, distinct(node[inside]))
-        else:
-            local = np.searchsorted(body_parts, part[inside])
-            _check_body(model, node[inside], local, len(body_parts))
+    body = _connected(count, node, part)[count:]
+    _, first, body = np.unique(body, return_index=True, return_inverse=True)
+    # a body of very many parts is taken as one
+    crowded = np.bincount(body)[body] > _MOST_PARTS
+    part = np.where(crowded, first[body], np.arange(parts))[part]
+    equations, _ = normalised_equations(model)
+    # nodes of no cell that stand in equations are parts of their own
+    loose = np.intersect1d(model.mesh.dangling_nodes, equations.indices // 3)
+    parts += len(loose)
+    key = np.concatenate(
+        [node * parts + part, loose * parts + np.arange(parts - len(loose), parts)]
+    )
+    node, part = np.divmod(distinct(key), parts)
+    row = np.repeat(np.arange(equations.shape[0]), np.diff(equations.indptr))
+    group = _connected(
+        count,
+        np.concatenate([node, equations.indices // 3]),
+        np.concatenate([part, parts + row]),
+    )
+    group_of_row = group[count + parts :]
+    for number in np.unique(group[node]):
+        inside = group[node] == number
+        members, local = np.unique(part[inside], return_inverse=True)
+        own = equations[group_of_row == number]
+        _check_body(model, node[inside], local, len(members), own if own.shape[0] else None)
+
+
+def _connected(count: int, node: Long, other: Long) -> Long:
+    """Number of the component of each of ``count`` nodes, and of all others that they are linked
+    to: ``node`` (k,) with ``other`` (k,)."""
+    size = count + int(other.max(initial=-1)) + 1
+    graph = coo_matrix((np.ones(len(node)), (node, count + other)), shape=(size, size))
+    return np.asarray(connected_components(graph.tocsr(), directed=False)[1], dtype=np.int64)
 
 
 def _lattice_parts(lattice: Lattice) -> Long:
@@ -154,8 +179,15 @@ def _incidence(mesh: Mesh, part_of_cell: Long) -> tuple[Long, Long]:
     return key // parts, key % parts
 
 
-def _check_body(model: Model, node: Long, local: Long | None = None, parts: int = 1) -> None:
-    """``node`` (n,) of the body, ascending, once for each of its ``parts``, ``local`` (n,)."""
+def _check_body(
+    model: Model,
+    node: Long,
+    local: Long | None = None,
+    parts: int = 1,
+    equations: csr_matrix | None = None,
+) -> None:
+    """``node`` (n,) of the body, ascending, once for each of its ``parts``, ``local`` (n,), which
+    ``equations`` (m,3N) may join."""
     local = np.zeros(len(node), dtype=np.int64) if local is None else local
     first = np.concatenate([[True], node[1:] != node[:-1]])
     points = model.mesh.points[node[first]]
@@ -176,26 +208,49 @@ def _check_body(model: Model, node: Long, local: Long | None = None, parts: int 
         rows.append(one - two)
     matrix = np.concatenate(rows)
     gram = matrix.T @ matrix
+    loose = np.zeros(parts, dtype=bool)
+    if equations is not None:
+        loose[local[np.isin(node, model.mesh.dangling_nodes)]] = True
+        place = np.zeros(model.mesh.node_count, dtype=np.int64)
+        place[node] = local
+        modes = rigid_modes(model.mesh.points, origin, length)
+        gram += _equation_gram(coo_matrix(equations), place, modes, loose)
     values, vectors = np.linalg.eigh(gram)
     scale = max(float(values[-1]), 1.0)
     free = vectors[:, ~(values > 1e-14 * scale)]
     if free.shape[1] == 0:
         return
     size = np.ptp(points, axis=0)
-    if not size.min() > _THINNEST * length:
+    solid = ~loose if not loose.all() else loose
+    if not (loose.all() or size.min() > _THINNEST * length):
         raise InputError(
             f"supports: the body with {len(points)} nodes is too thin to be held: what keeps it "
             f"from turning is lost in rounding; got sides of {size[0]:.3g} x {size[1]:.3g} x "
             f"{size[2]:.3g}; expected sides of at least {_THINNEST:g} of the longest (are they all "
             "in one unit?)"
         )
-    names = _names(free, parts, origin, length)
-    where = "" if parts == 1 else f" (its {parts} parts touch only along edges or at nodes)"
+    names = _names(free.reshape(parts, 6, -1)[solid], origin, length)
+    how = "touch only along edges or at nodes" if equations is None else "are joined by constraints"
+    where = "" if parts == 1 else f" (its {parts} parts {how})"
     raise InputError(
         f"supports: the body with {len(points)} nodes around "
         f"({origin[0]:.6g}, {origin[1]:.6g}, {origin[2]:.6g}){where} can move freely; "
         f"got free {', '.join(names)}; expected supports that hold all six rigid-body motions"
     )
+
+
+def _equation_gram(term: coo_matrix, part: Long, modes: Float, loose: Bool) -> Float:
+    """(6P,6P) products of what equations say of the motions of parts, with ``modes`` (N,3,6) of
+    nodes, which belong to one ``part`` (N,) each. Parts that are ``loose`` nodes have those
+    displacements alone that equations ask for."""
+    node, axis = np.divmod(term.col, 3)
+    values = (term.data[:, None] * modes[node, axis]).ravel()
+    column = (6 * part[node, None] + np.arange(6)).ravel()
+    shape = (term.shape[0], 6 * len(loose))
+    rows = coo_matrix((values, (np.repeat(term.row, 6), column)), shape=shape).tocsr()
+    exists = np.repeat(~loose[:, None], 6, axis=1)
+    exists[part[node], axis] = True
+    return np.asarray((rows.T @ rows).toarray() + np.diag(~exists.ravel()))
 
 
 def _placed(
@@ -207,9 +262,11 @@ def _placed(
     return result.reshape(len(points), 6 * parts)
 
 
-def _names(free: Float, parts: int, origin: Float, length: float) -> list[str]:
-    """Plain names of the free motions (6,k): along or about the axes where these are free."""
-    if parts > 1:
+def _names(motions: Float, origin: Float, length: float) -> list[str]:
+    """Plain names of the free motions (P,6,k) of parts that move as one: along or about the axes
+    where these are free."""
+    free = motions[0]
+    if not (np.abs(motions - free) <= _AS_ONE).all():
         return [f"{free.shape[1]} motions"]
     # rotations first: what the singular vectors leave over is pure translation
     _, sizes, turned = np.linalg.svd(free[3:])

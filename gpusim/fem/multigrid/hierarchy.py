@@ -148,7 +148,7 @@ def build_hierarchy(
         product, free, points = _by_sheets(levels, product, groups[0], free, points)
     longest = _COARSEST_INVERTED if inverted else _COARSEST_BAND
     column = None
-    if not stiff_in_bulk and len(points) == whole:
+    if groups and not stiff_in_bulk and len(points) == whole:
         column = columns_across(groups, points)
     return _aggregate(levels, product, free, points, longest, column, uneven_stiffness)
 

@@ -72,14 +72,14 @@ def follow_path(
             equation.restore(begun)
             cuts, length = cuts + 1, 0.5 * length
             if cuts > _MOST_CUTS:
-                raise NotConverged(f"arc length at {s:.3g} of the load: {error}") from None
+                raise NotConverged(f"by arc length: {error}") from None
             continue
         u, s, before, cuts = u + du, s + ds, du, 0
-        equation.commit(u)
+        equation.commit(u, path.factors(s))
         yield PathPoint(s, u, tuple(iterations))
         change = np.sqrt(_WANTED / len(iterations))
         length *= float(np.clip(change, 1.0 / _CHANGE, _CHANGE))
-    raise NotConverged(f"arc length: {_MOST_STEPS} steps ended at {s:.3g} of the load")
+    raise NotConverged(f"by arc length: got {_MOST_STEPS} steps; expected fewer")
 
 
 def _step(
@@ -101,19 +101,19 @@ def _step(
     du = ds * load
     equation.advance(u, du, foretell=False)
     done: list[Iteration] = []
-    last = float(np.abs(du).max())
+    steps = [float(np.abs(du).max())]
     while len(done) < _MOST:
         residual, load, info = _solved(equation, solver, path, u + du, s + ds, controls)
         share = _root(du, residual, load, length)
         step = residual + share * load
         equation.advance(u + du, step, foretell=False)
         du, ds = du + step, ds + share
-        size, moved = float(np.abs(step).max()), float(np.abs(u + du).max())
-        error = error_left(size, last, controls.forcing) / moved
-        done.append(Iteration(size / moved, info[0], info[1], info[2], error))
+        steps.append(float(np.abs(step).max()))
+        moved = max(float(np.abs(u + du).max()), float(np.abs(u).max()))
+        error = error_left(steps, controls.forcing) / moved
+        done.append(Iteration(steps[-1] / moved, info[0], info[1], info[2], error))
         if error <= controls.tolerance:
             return du, ds, done
-        last = size
     raise NotConverged(
         f"got steps of {done[-1].step:.2g} of the displacement after {_MOST} iterations"
     )
@@ -133,7 +133,7 @@ def _solved(
     load = equation.external(u, path.target - path.begin)
     forces = np.stack([tangent.residual, load])
     found = solver.correction(tangent, forces, np.zeros_like(forces), controls.forcing)
-    free = np.where(equation.free, tangent.residual, 0.0)
+    free = equation.unbalanced(tangent.residual)
     relative = float(np.abs(free).max() / max(np.abs(tangent.residual).max(), np.abs(load).max()))
     return found.du[0], found.du[1], (relative, found.iterations, found.definite)
 

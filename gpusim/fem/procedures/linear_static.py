@@ -8,12 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from gpusim.fem.assembly.assembly import Assembled, assemble
+from gpusim.fem.assembly.reduced_system import reduced_system
 from gpusim.fem.assembly.stiffness_rounding import extremes
 from gpusim.fem.assembly.system import System, make_system
 from gpusim.fem.krylov.outer_iteration import Outcome
 from gpusim.fem.lattice.lattice import Lattice
 from gpusim.fem.linear.linear_solver import solve_system
 from gpusim.fem.linear.solve_plan import Clock, Options, SolvePlan, plan_solve
+from gpusim.fem.model.constraints import touched
+from gpusim.fem.model.elimination import eliminate
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.solution import Solution
 from gpusim.fem.model.thermal_loads import thermal
@@ -23,14 +26,20 @@ from gpusim.fem.sparse.block_rows import BlockRows
 def linear_static(model: Model, lattice: Lattice | None, options: Options) -> Solution:
     """The solution of a model that is supported, on the ``lattice`` of its cells if it has one."""
     clock = options.clock
-    whole, model = model, _dead(model, options.formulation)
+    asked, model = model, _dead(model, options.formulation)
+    elimination = eliminate(model)
     assembled = assemble(model, options.formulation, lattice)
     clock.mark("assembly")
-    system = _system(model, assembled, options.formulation)
+    system = whole = _system(model, assembled, options.formulation)
+    if elimination is not None:
+        assembled, system = reduced_system(assembled, whole, elimination)
     plan = plan_solve(model, assembled, system, options)
     clock.mark("choice")
     outcome = solve_system(plan, model, assembled, system, options)
-    return replace(_solution(model, system, assembled.rows, outcome, plan, clock), model=whole)
+    if elimination is not None:
+        u = elimination.displacements(outcome.u)
+        outcome = replace(outcome, u=u, forces=whole.elements.product(u))
+    return replace(_solution(model, system, assembled.rows, outcome, plan, clock), model=asked)
 
 
 def _dead(model: Model, formulation: Mapping[str, str]) -> Model:
@@ -74,7 +83,8 @@ def _solution(
     if internal is None:
         internal = system.apply(u) * system.scale
     assert model.fixed is not None
-    reactions = np.where(model.fixed, internal - forces, 0.0)
+    held = model.fixed | touched(model.constraints, model.fixed.shape)
+    reactions = np.where(held, internal - forces, 0.0)
     single = model.forces is not None and model.forces.ndim == 2
     warnings = []
     dangling = len(model.mesh.dangling_nodes)

@@ -4,7 +4,7 @@ arc length past limit points."""
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -42,23 +42,32 @@ def load_steps(
     equation: Equation, solver: TangentSolver, targets: Float, controls: Controls
 ) -> Iterator[LoadStep]:
     """Equilibria at ``targets`` (K,L), each from the one before, and those on the way that were
-    found by arc length.
+    found by arc length. They are stable, unless there is no way around: a step that leads to one
+    that isn't may have left the path that the body would take.
 
     Raises NotConverged where none is found: what has been yielded stays right.
     """
     u, begin = np.zeros_like(equation.model.mesh.points), np.zeros(targets.shape[1])
+    any_end, wanted = replace(controls, stable=False), controls
     for number, target in enumerate(targets, start=1):
         stepping = _Stepping(LoadPath(begin, target), u)
         try:
-            _by_halving(equation, solver, stepping, controls)
-        except NotConverged as error:
-            where = f"load step {number} of {len(targets)}, at {stepping.done:.3g} of it"
-            if equation.prescribed(target - begin).any() or not stepping.substeps:
-                raise NotConverged(f"{where}: {error}") from None
-            for point in _by_arc_length(equation, solver, stepping, controls):
-                yield _step(equation, stepping, stepping.path.factors(point.s), wanted=False)
-        yield _step(equation, stepping, target, wanted=True)
+            _by_halving(equation, solver, stepping, wanted)
+        except NotConverged:
+            try:
+                if equation.prescribed(target - begin).any() or not stepping.substeps:
+                    _by_halving(equation, solver, stepping, any_end)
+                else:
+                    for point in _by_arc_length(equation, solver, stepping, any_end):
+                        yield _step(equation, stepping, stepping.path.factors(point.s), False)
+                        stepping.iterations, stepping.substeps = [], 0
+            except NotConverged as last:
+                where = f"load step {number} of {len(targets)}, at {stepping.done:.3g} of it"
+                raise NotConverged(f"{where}: {last}") from None
+        yield _step(equation, stepping, target, True)
         u, begin = stepping.u, target
+        # no stable way leads on from where a body isn't
+        wanted = controls if stepping.iterations[-1].definite else any_end
 
 
 def _by_halving(
@@ -78,7 +87,7 @@ def _by_halving(
             if share < _LEAST_SHARE:
                 raise
             continue
-        equation.commit(found.u)
+        equation.commit(found.u, factors)
         stepping.move(end, found.u, found.iterations)
         in_a_row += 1
         if in_a_row == 2:
@@ -94,7 +103,7 @@ def _by_arc_length(
         stepping.move(point.s, point.u, point.iterations)
         if point.s >= 1.0:
             found = equilibrium(equation, solver, point.u, path.target, controls)
-            equation.commit(found.u)
+            equation.commit(found.u, path.target)
             stepping.move(1.0, found.u, found.iterations)
             return
         yield point
@@ -102,8 +111,7 @@ def _by_arc_length(
 
 def _step(equation: Equation, stepping: _Stepping, factors: Float, wanted: bool) -> LoadStep:
     u, done = stepping.u, stepping.iterations
-    held = ~equation.free
-    reactions = np.where(held, equation.internal(u, factors) - equation.external(u, factors), 0.0)
+    reactions = equation.reactions(u, factors)
     return LoadStep(
         factors, u, reactions, tuple(done), done[-1].error_estimate, stepping.substeps, wanted
     )

@@ -9,8 +9,9 @@ iterations begin anew. A line search isn't made: along the residual's work it st
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -37,19 +38,20 @@ class Equilibrium:
 
     @property
     def error_estimate(self) -> float:
-        """Relative, of the greatest displacement."""
+        """Relative, of the greatest displacement, here or where the step began."""
         return self.iterations[-1].error_estimate
 
 
 @dataclass(frozen=True)
 class Controls:
     """``tolerance`` of the displacements in equilibrium, relative; ``forcing``: that of each linear
-    solution; ``foretell``: first with foretold stresses; ``progress`` is called with (iterations,
-    estimated error)."""
+    solution; ``foretell``: first with foretold stresses; ``stable``: an equilibrium whose tangent
+    is indefinite is none; ``progress`` is called with (iterations, estimated error)."""
 
     tolerance: float
     forcing: float
     foretell: bool
+    stable: bool
     progress: Callable[[int, float], None] | None = None
 
 
@@ -82,26 +84,27 @@ def _iterated(
     foretell: bool,
     most: int,
 ) -> Equilibrium:
-    fixed = ~equation.free
     extent = float(np.ptp(equation.model.mesh.points, axis=0).max())
-    target = equation.prescribed(factors)
     done: list[Iteration] = []
     equation.forget_foretold()
-    before = np.inf
+    # a body that is unloaded comes back to nothing: errors are told of where it was
+    begun = float(np.abs(u).max())
+    steps: list[float] = []
     while len(done) < most:
         tangent = equation.linearised(u, factors)
-        given = np.where(fixed, target - u, 0.0)
+        given = equation.missing(u, factors)
         found = solver.correction(tangent, tangent.residual[None], given[None], controls.forcing)
         du = found.du[0]
         equation.advance(u, du, foretell)
         u = u + du
-        step, size = float(np.abs(du).max()), float(np.abs(u).max())
+        step, size = float(np.abs(du).max()), max(float(np.abs(u).max()), begun)
         if not size <= _LOST * extent:
             raise NotConverged(
                 f"iteration {len(done) + 1}: got displacements of {size:.3g}; expected less than "
                 f"{_LOST:.0f} times the body's extent, {extent:.3g}"
             )
-        error = error_left(step, before, controls.forcing) / (size if size > 0.0 else 1.0)
+        steps.append(step)
+        error = error_left(steps, controls.forcing) / (size if size > 0.0 else 1.0)
         residual = _relative(tangent.residual, equation, u, factors)
         done.append(
             Iteration(step / max(size, 1e-300), residual, found.iterations, found.definite, error)
@@ -109,27 +112,27 @@ def _iterated(
         if controls.progress is not None:
             controls.progress(len(done), error)
         if error <= controls.tolerance or step <= _ROUNDING * size:
+            if controls.stable and not found.definite:
+                raise NotConverged("got an equilibrium that isn't stable; expected a stable one")
             return Equilibrium(u, tuple(done))
-        before = step
     raise NotConverged(
         f"got steps of {done[-1].step:.2g} of the displacement after {most} iterations; "
         f"expected an error of {controls.tolerance:.1e}"
     )
 
 
-def error_left(step: float, before: float, forcing: float) -> float:
-    """What is left after a step, by how much shorter than the one before it was: of the next ones,
-    which shrink at least as fast, and of the linear solution. A first step (after an infinite one),
-    or one that doesn't shrink, tells nothing."""
-    if not step < 0.5 * before < np.inf:
-        return step
-    shrink = step / before
-    return step * max(shrink / (1.0 - shrink), forcing)
+def error_left(steps: Sequence[float], forcing: float) -> float:
+    """What is left after the last of ``steps``, by how much shorter than the one before it was: of
+    the next ones, which shrink at least as fast, and of the linear solution. One step, or one that
+    doesn't shrink, tells nothing. The worse of two counts: steps may be small by turns."""
+    shrink = max((after / before for before, after in pairwise(steps[-3:])), default=1.0)
+    if not shrink < 0.5:
+        return steps[-1]
+    return steps[-1] * max(shrink / (1.0 - shrink), forcing)
 
 
 def _relative(residual: Float, equation: Equation, u: Float, factors: Float) -> float:
     """The residual on free unknowns over the forces that act."""
-    free = np.where(equation.free, residual, 0.0)
     acting = np.abs(equation.external(u, factors)).max()
     size = float(max(acting, np.abs(residual).max()))
-    return float(np.abs(free).max()) / size if size > 0.0 else 0.0
+    return float(np.abs(equation.unbalanced(residual)).max()) / size if size > 0.0 else 0.0

@@ -9,7 +9,8 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.element_responses import element_responses
-from gpusim.fem.assembly.equation import Equation
+from gpusim.fem.assembly.equation import Equation, portions
+from gpusim.fem.elements.corotational import Corotational
 from gpusim.fem.linear.solve_plan import Options
 from gpusim.fem.linear.tangent_solver import TangentSolver
 from gpusim.fem.materials.law import Law
@@ -21,6 +22,8 @@ from gpusim.fem.recovery.cauchy_stress import cauchy_stress
 
 # relative accuracy of linear solutions where all laws are elastic, and where points flow
 _FORCING, _PLASTIC_FORCING = 1e-4, 1e-2
+# up to which strains by length and by Green-Lagrange are the same within a per cent
+_SMALL_STRAIN = 0.02
 
 
 def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution:
@@ -35,7 +38,8 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
     solver = TangentSolver(equation, options)
     history = any(isinstance(law, Law) and law.state_size for law in model.materials)
     forcing = _PLASTIC_FORCING if history else _FORCING
-    controls = Controls(options.tolerance, forcing, not history, options.progress)
+    # loads that follow have a symmetric stiffness in part only, which tells nothing of stability
+    controls = Controls(options.tolerance, forcing, not history, not model.loads, options.progress)
     steps: list[LoadStep] = []
     message = "converged"
     try:
@@ -63,7 +67,7 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
         external_work=np.array([work]),
         unknowns=int(equation.free.sum()),
         message=message,
-        warnings=(),
+        warnings=(*_strain_warning(equation, last.u), *_stability_warning(controls, steps)),
         timings=options.clock.timings,
         method="newton",
         backend="numpy",
@@ -73,6 +77,37 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
         reasons=reasons,
         model=model,
         steps=tuple(steps),
+    )
+
+
+def _stability_warning(controls: Controls, steps: list[LoadStep]) -> tuple[str, ...]:
+    """Wanted steps that end where a body wouldn't stay."""
+    wanted = [step for step in steps if step.wanted]
+    loose = [n for n, step in enumerate(wanted, 1) if not step.iterations[-1].definite]
+    if not loose or not controls.stable:
+        return ()
+    return (
+        f"{len(loose)} load steps, first number {loose[0]}, end in an equilibrium that isn't "
+        "stable: the body would buckle (a small imperfection of mesh or load shows where to)",
+    )
+
+
+def _strain_warning(equation: Equation, u: Float) -> tuple[str, ...]:
+    """Where elements for small strain are strained more than they are made for."""
+    strains = [
+        response.strain_extent(which, u)
+        for response in equation.responses
+        if isinstance(response, Corotational)
+        for which in portions(response.cells)
+    ]
+    strain = np.concatenate(strains) if strains else np.zeros(1)
+    beyond = int((strain > _SMALL_STRAIN).sum())
+    if not beyond:
+        return ()
+    return (
+        f"{beyond} cells are strained by up to {strain.max():.2%}: linear elastic laws are meant "
+        f"for {_SMALL_STRAIN:.0%} at most (SaintVenantKirchhoff, Hencky and NeoHookean hold "
+        "beyond)",
     )
 
 

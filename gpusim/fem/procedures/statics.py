@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from numbers import Integral, Real
 
 import numpy as np
@@ -77,7 +78,8 @@ def solve(
     Raises
     ------
     InputError
-        A wrong argument; supports that leave a rigid-body motion free (named).
+        A wrong argument; supports and constraints that leave a rigid-body motion free (named), or
+        contradict each other.
     NotConverged
         Values that aren't finite, negative curvature, or a matrix that rounding made indefinite;
         no equilibrium at the first load step. One that is missing later ends the analysis: the
@@ -113,7 +115,7 @@ def solve(
         formulations = resolve_formulation(model, formulation)
         begin = _start(model, start)
         targets = None if linear else _targets(model, factors)
-        numbering = None if lattice is not None else Numbering.of(model)
+        numbering, asked = None if lattice is not None else Numbering.of(model), model
         if numbering is not None:
             model = numbering.renumbered(model)
             begin = None if begin is None else numbering.forward(begin)
@@ -124,7 +126,7 @@ def solve(
             solution = linear_static(model, lattice, options)
         else:
             solution = nonlinear_static(model, targets, options)
-        return solution if numbering is None else numbering.back(solution)
+        return solution if numbering is None else replace(numbering.back(solution), model=asked)
 
 
 def _check_arguments(
@@ -171,7 +173,10 @@ def _targets(model: Model, factors: npt.ArrayLike | None) -> Float:
     """(K,L) factors of the load cases, step by step."""
     cases = len(model.load_cases)
     given = np.asarray([1.0] if factors is None else factors)
-    expected = "(K,) numbers" if cases == 1 else f"(K, {cases}): how load cases add up in each step"
+    expected = "(K,) finite numbers, K >= 1"
+    if cases > 1:
+        expected = f"(K, {cases}) finite numbers, K >= 1: how load cases add up in each step"
+    require(given.size > 0, "solve: factors", "none", expected)
     shapes = [(len(given), cases)] if given.ndim else [(1,)]
     if cases == 1 and given.ndim == 1:
         shapes = [given.shape]

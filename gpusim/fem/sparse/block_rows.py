@@ -104,6 +104,21 @@ def block_matrix(rows: BlockRows, scale: float = 1.0) -> bsr_matrix:
     return bsr_matrix((data, column, start), shape=(3 * count, 3 * count))
 
 
+def block_rows(matrix: bsr_matrix, element_classes: int) -> BlockRows:
+    """The block rows of a matrix of 3x3 blocks, each of its own kind, with the diagonal blocks that
+    it has: where rows don't add up to zero they have no product in differences."""
+    count = matrix.shape[0] // 3
+    row = np.repeat(np.arange(count, dtype=matrix.indices.dtype), np.diff(matrix.indptr))
+    beside = row != matrix.indices
+    degree = np.bincount(row[beside], minlength=count)
+    start = np.concatenate([[0], np.cumsum(degree)]).astype(np.int64)
+    neighbour = matrix.indices[beside].astype(np.int32)
+    return BlockRows(
+        lambda: (start, neighbour), np.arange(count, dtype=np.int32), matrix.data[beside], start,
+        diagonal_blocks(matrix), element_classes,
+    )  # fmt: skip
+
+
 def pattern(matrix: bsr_matrix) -> csr_matrix:
     """Where a block matrix has blocks: true at their rows and columns."""
     rows, columns = (n // size for n, size in zip(matrix.shape, matrix.blocksize, strict=True))

@@ -125,6 +125,7 @@ def build_body_model(parts: MeshedBody, groups: tuple[LoadGroup, ...] | None = N
         fixed=held.support >= 0,
         prescribed=prescribed[0] if one else prescribed,
         forces=forces[0] if one else forces,
+        constraints=[_tie(parts, tie) for tie in body.ties],
     )
     with naming_place(f"body {body.name!r}"):
         check_supports(model)
@@ -217,6 +218,13 @@ def _supports(parts: MeshedBody, moves: Mapping[int, Any]) -> _Supports:
         owner[free] = number
         place[free] = wanted[free]
     return _Supports(owner, place)
+
+
+def _tie(parts: MeshedBody, tie: m.TieTable) -> fem.Equations:
+    with naming_place(f"body {parts.body.name!r}, tie {tie.name!r}"):
+        faces = faces_of(parts.mesh, parts.skin.faces, tie.faces)
+        nodes = nodes_of(parts.mesh, tie.nodes)
+        return fem.tie(parts.mesh, faces, nodes, tolerance=tie.tolerance)
 
 
 def _materials(parts: MeshedBody) -> tuple[list[fem.Material], Int]:

@@ -60,8 +60,8 @@ class SceneSolution:
         return SceneSolution(
             tuple(_cases(s.u) for s in solutions),
             tuple(
-                support_forces(_cases(s.reactions), own)
-                for s, own in zip(solutions, held, strict=True)
+                support_forces(_cases(s.reactions), model, own)
+                for s, model, own in zip(solutions, models, held, strict=True)
             ),
             tuple(model.load_cases.sum(axis=1) for model in models),
             sum(s.unknowns for s in solutions),
@@ -143,12 +143,18 @@ def _cases(values: Float) -> Float:
     return values if values.ndim == 3 else values[None]
 
 
-def support_forces(reactions: Float, held: Int) -> Float:
+def support_forces(reactions: Float, model: Model, held: Int) -> Float:
     """(L,S,3) reactions (L,N,3) added up over the degrees of freedom of each support, which
     ``held`` (N,3) numbers (-1: none).
 
     S ends with the last support that holds something.
     """
+    # whoever reads a solution from its file needs no solver
+    from gpusim.fem.model.elimination import eliminate
+
+    if (resolved := eliminate(model)) is not None:
+        # what ties do to held nodes isn't the supports'
+        reactions = resolved.forces(reactions)
     count = int(held.max()) + 1
     sums = np.zeros((len(reactions), count, 3))
     for axis in range(3):

@@ -69,10 +69,11 @@ def equilibria(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
         found = [_row(path, solution.steps[k], k) for k in range(len(path.states))]
         facts[f"nonlinear statics, {body.name}"] = f"{why}; {_changed(found)}"
         warnings += [f"body {body.name!r}: {text}" for text in solution.warnings]
+        reactions = np.stack([step.reactions for step in solution.steps])
         motion = Stepped(
             path.states,
             np.stack([step.u for step in solution.steps]),
-            support_forces(np.stack([step.reactions for step in solution.steps]), made.support),
+            support_forces(reactions, path.model, made.support),
         )
         forces[body.name] = _forces(path, motion, frames[frames.last_moved].shown.states[number])
         arrays |= step_arrays(motion, [step.stress for step in solution.steps], number)

@@ -151,6 +151,27 @@ class SupportTable(_Driven):
         return self
 
 
+class TieTable(Table):
+    """Nodes that follow faces as if glued to them: parts of one mesh that touch without sharing
+    nodes.
+
+    Example::
+
+        name = "joint"
+        faces = { set = "base_top" }
+        nodes = { set = "rib_bottom" }
+    """
+
+    name: Name
+    """What messages and --set call it."""
+    faces: WhereTable
+    """The faces that are followed; let them be those of the coarser mesh."""
+    nodes: WhereTable
+    """The nodes that follow; each is given the displacement of the nearest point of the faces."""
+    tolerance_mm: Annotated[float, Field(gt=0)] | None = None
+    """How far off the faces a node may lie; without it 0.025 of the size of its face."""
+
+
 class _Load(_Driven):
     name: Name
     """What messages and --set call it."""

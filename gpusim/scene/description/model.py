@@ -40,6 +40,7 @@ from .loads import (
     PressureTable,
     SupportTable,
     ThermalTable,
+    TieTable,
     TractionTable,
     WhereTable,
 )

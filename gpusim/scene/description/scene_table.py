@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from .camera import CameraTable
 from .lights import LightTable
-from .loads import Amplitude, Load, LoadTable, SupportTable, WhereTable
+from .loads import Amplitude, Load, LoadTable, SupportTable, TieTable, WhereTable
 from .material import MaterialTable
 from .measures import AnyMeasure
 from .mesh import (
@@ -51,6 +51,7 @@ class Body:
     formulation: str
     mesh: MeshRecipe
     supports: tuple[SupportTable, ...]
+    ties: tuple[TieTable, ...]
     loads: tuple[Load, ...]
     paints: tuple[Paint, ...]
 
@@ -141,6 +142,8 @@ class BodyTable(Table):
     """Slots in a box or a beam."""
     support: Annotated[tuple[SupportTable, ...], Listed()] = ()
     """What holds it."""
+    tie: Annotated[tuple[TieTable, ...], Listed()] = ()
+    """What joins parts of its mesh that touch without sharing nodes."""
     load: Annotated[tuple[LoadTable, ...], Listed()] = ()
     """What pulls, pushes, turns or heats it."""
     paint: Annotated[tuple[PaintTable, ...], Listed(1)]
@@ -155,7 +158,7 @@ class BodyTable(Table):
                     expected = f"{what}, or a field"
                     raise fault(key, "missing", Words(f"neither {key} nor field"), expected)
             return self
-        for key in ("material", "mesh", "part", "formulation", "notch", "support", "load"):
+        for key in ("material", "mesh", "part", "formulation", "notch", "support", "tie", "load"):
             if getattr(self, key) not in (None, (), type(self).model_fields[key].default):
                 raise fault(key, "beside field, which gives mesh and displacements",
                             Words("both"), "one of them")  # fmt: skip
@@ -177,6 +180,7 @@ class BodyTable(Table):
             formulation=self.formulation,
             mesh=mesh,
             supports=self.support,
+            ties=self.tie,
             loads=self.load,
             paints=self.paint,
         )

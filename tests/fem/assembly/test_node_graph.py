@@ -74,6 +74,7 @@ def test_the_answer_is_in_the_models_own_numbers(monkeypatch: pytest.MonkeyPatch
     with monkeypatch.context() as own:
         own.setattr(Numbering, "of", staticmethod(lambda model: None))
         wanted = solve(shuffled, tolerance=1e-10, method="multigrid", backend="numpy")
+    assert found.model is shuffled
     size = np.abs(wanted.u).max()
     np.testing.assert_allclose(found.u, wanted.u, atol=1e-9 * size)
     np.testing.assert_allclose(
