@@ -141,7 +141,9 @@ def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iter
     """What is written and measured beside the pictures."""
     scene, output, table = build.scene, build.scene.output, [list(build.frames)]
     whole = build.surfaces() | motions
-    steps: Needs = {"equilibria": first} if "equilibria" in moving else {}
+    steps: Needs = (
+        dict.fromkeys(("equilibria", "solution"), first) if "equilibria" in moving else {}
+    )
     if output.truth and scene.cameras:
         yield from _truth(build, motions)
     for spec in scene.measures:
