@@ -63,10 +63,10 @@ def told(scene: Scene, path: str, value: Any) -> str:
         ("schema", ..., "schema: missing; expected 1 (version of the scene format)"),
         ("body.0.paint", ..., "body.crane.paint: missing; expected one table or more (a face"),
         ("analysis.type", "modal", 'analysis.type: no such analysis yet; got "modal"; expected '
-         '"static" (linear), or "field" (displacements that are given); what another program has '
+         '"static" (equilibrium), or "field" (displacements that are given); what another program has '
          "solved goes into [body.field] file, or `gpusim render --field FILE`"),
-        ("analysis.geometry", "nonlinear", "analysis.geometry: no such key yet (it is linear; what "
-         "another program has solved goes into [body.field] file"),
+        ("analysis.geometry", "nonlinaer", 'analysis.geometry: unknown value; got "nonlinaer"; '
+         'expected one of "auto", "linear", "nonlinear" (did you mean nonlinear?)'),
         ("load", [{"name": "pull"}], "load: unknown key (did you mean body.load?)"),
         ("video", {"format": "mp4"}, "video: no such key yet (pictures are files; `ffmpeg "),
         ("analysis.type", "statik", 'analysis.type: unknown value; got "statik"; expected'),
