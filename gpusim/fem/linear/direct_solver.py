@@ -7,7 +7,7 @@ from dataclasses import replace
 from gpusim.arrays.array_types import Float
 from gpusim.fem.assembly.assembly import Assembled
 from gpusim.fem.assembly.system import System
-from gpusim.fem.direct_solvers.iterative_refinement import refine
+from gpusim.fem.direct_solvers.iterative_refinement import corrected, refine
 from gpusim.fem.krylov.outer_iteration import Outcome
 from gpusim.fem.linear.solve_plan import Direct, Options
 
@@ -31,6 +31,11 @@ class DirectSolver:
         options.clock.mark("iterations")
         message = f"{outcome.message} ({self._direct.description}{self._note})"
         return replace(outcome, message=message, method="direct")
+
+    def step(self, system: System, options: Options) -> tuple[Float, int] | None:
+        """The solution of a tangent as a step of Newton's method wants it, and how often was
+        solved; None where the factors don't fit it."""
+        return corrected(system, self._factor, options.tolerance)
 
     def update(self, assembled: Assembled, system: System, points: Float) -> None:
         """Factorise another matrix of the same pattern, in the same order."""

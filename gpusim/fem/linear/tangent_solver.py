@@ -14,7 +14,6 @@ from gpusim.fem.assembly.reduced_system import reduced_system
 from gpusim.fem.assembly.system import System, finest_product, scaled_system
 from gpusim.fem.elements.element_response import Want
 from gpusim.fem.krylov.minimum_residual import minimum_residual
-from gpusim.fem.krylov.outer_iteration import Outcome
 from gpusim.fem.linear.direct_solver import DirectSolver
 from gpusim.fem.linear.multigrid_solver import MultigridSolver
 from gpusim.fem.linear.solve_plan import Options, SolvePlan, plan_solve
@@ -81,7 +80,7 @@ class TangentSolver:
                 outcome = None
         if outcome is None:
             return self._by_minimum_residual(tangent, (forces, given), forcing)
-        return self._whole(outcome.u, outcome.iterations, True)
+        return self._whole(*outcome, True)
 
     def _system(self, tangent: Tangent, forces: Float, given: Float) -> tuple[Assembled, System]:
         """What is solved, less what constraints give up."""
@@ -152,10 +151,12 @@ def _near(u: Float, taken: Float) -> bool:
 
 def _tried(
     solver: DirectSolver | MultigridSolver, system: System, options: Options
-) -> Outcome | None:
-    """The solution, or None where it isn't found."""
+) -> tuple[Float, int] | None:
+    """The solution and its iterations, or None where it isn't found."""
+    if isinstance(solver, DirectSolver):
+        return solver.step(system, options)
     try:
         outcome = solver.solve(system, options)
     except NotConverged:
         return None
-    return outcome if outcome.converged else None
+    return (outcome.u, outcome.iterations) if outcome.converged else None
