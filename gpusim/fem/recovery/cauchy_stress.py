@@ -73,7 +73,8 @@ class _CauchyRecovery(Recovery):
         return self._averages(self._strain, 6)
 
     def _plastic_strains(self) -> Float | None:
-        return self._averages(self._plastic, 1)[:, 0] if self._flows else None
+        # what never falls below zero at points may do so where it is extrapolated to
+        return np.maximum(self._averages(self._plastic, 1)[:, 0], 0.0) if self._flows else None
 
     def _averages(self, values: Mapping[str, Float], count: int) -> Float:
         def at_nodes(part: Part) -> Float:
