@@ -16,6 +16,7 @@ from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
 from gpusim.motion import Stepped
+from gpusim.pipeline.checks.linear_theory import FORCES
 from gpusim.pipeline.notes import notes_of
 from gpusim.pipeline.scene_objects.cameras import build_camera
 from gpusim.pipeline.scene_objects.load_steps import step_fields
@@ -167,8 +168,10 @@ def _load_path(
                 linear[k] = by_theory.displacement(weights)[node]
                 linear_forces[k] = by_theory.reactions(weights)[held].sum(axis=0)
             sizes.append(float(np.linalg.norm(reactions, axis=1).sum()))
-    if not np.linalg.norm(forces, axis=1).max() > ROUNDED * max(sizes):
-        forces[:] = 0.0
+    loads = objects.bodies[number].body.loads
+    pulled = driven is not None or any(isinstance(load, FORCES) for load in loads)
+    if not (pulled and np.linalg.norm(forces, axis=1).max() > ROUNDED * max(sizes)):
+        forces[:] = 0.0  # what heat alone moves holds itself
     x, y, z = (1e3 * body.skin.mesh.points[node]).tolist()
     path = LoadPath(
         body.name, (x, y, z), word.replace("_", " "), tuple(shown.tolist()),

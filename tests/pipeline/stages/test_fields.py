@@ -120,7 +120,8 @@ def test_the_load_of_a_body_that_a_support_moves_is_that_support_s(
 ) -> None:
     """Together the two grips of a tensile test hold each other; metal that yields leaves the
     dashed line of linear theory."""
-    material = [{**DOCUMENT["material"][0], "type": "j2", "yield_stress_MPa": 100.0}]
+    material = [{**DOCUMENT["material"][0], "type": "j2", "yield_stress_MPa": 40.0,
+                 "hardening_MPa": 500.0}]  # fmt: skip
     body = copy.deepcopy(DOCUMENT["body"])
     clamp = body[0]["support"][0]
     pull = {"name": "grip", "where": {"set": "x_max"}, "displacement_mm": [0.3, 0.0, 0.0]}

@@ -161,7 +161,9 @@ def test_linear_statics_bent_too_far_is_warned_of(tmp_path: Path) -> None:
     assert "differ by 680 mm in frame 1, 282 % of its size" in warning
     (warning,) = gs.run(scene(material=soft), tmp_path, backend="numpy").warnings
     assert "by linear theory displacements differ by 680 mm in frame 1" in warning
-    assert warning.endswith("are units, loads and moduli meant so?")
+    assert warning.endswith(
+        'are units, loads and moduli meant so? Then say [analysis] geometry = "nonlinear"'
+    )
     assert gs.run(scene(), tmp_path, backend="numpy").warnings == ()
 
 
