@@ -69,6 +69,19 @@ def test_the_plate_yields(checkout: Path, tmp_path: Path) -> None:
     assert plastic.max() > 0.02 and plastic.min() >= 0.0
 
 
+def test_markers_round_a_ring_are_followed(device: Device, checkout: Path, tmp_path: Path) -> None:
+    """The straight line between two of them isn't on its surface."""
+    few = {"analysis.load_factors": [0.0, 0.1], "output.fields": False}
+    report = gs.run(gs.load_scene(checkout / "examples" / "ring.toml", few), tmp_path)
+    hook = report.measurements[0]
+    assert abs(hook.error) <= 2e-4 * hook.truth and report.warnings == ()
+    table = np.genfromtxt(tmp_path / "measure" / "stretch.csv", delimiter=",", names=True)
+    assert np.abs(table["measured_x_mm"] - table["true_x_mm"]).max() <= 2e-3
+    side = report.series[0]
+    middle = np.interp(np.sqrt(2.0) * 50.0, side.x, side.y_truth)
+    assert middle == pytest.approx(table["true_x_mm"].min(), rel=1e-3)
+
+
 @pytest.mark.slow
 def test_they_are_measured(device: Device, checkout: Path, tmp_path: Path) -> None:
     for name in ("ring", "coil"):
