@@ -249,3 +249,11 @@ def test_a_scene_is_solved_as_its_frames_are(tmp_path: Path) -> None:
     assert [step.factors.tolist() for step in steps] == [[0.5], [1.0]]
     np.testing.assert_array_equal(steps[1].u, displacement(tmp_path, 2))
     assert gs.solve(made.replace("analysis.geometry", "auto"), backend="numpy").steps == ()
+
+
+def test_a_modulus_that_is_meant_otherwise_is_asked_about(tmp_path: Path) -> None:
+    soft = {**STEEL, "youngs_modulus_GPa": 0.2}  # MPa taken for GPa: F L^3 / 3 E I is 691 mm
+    report = gs.run(scene(material=soft), tmp_path, backend="numpy")
+    (question,) = (text for text in report.warnings if "units" in text)
+    assert "by linear theory displacements differ by 680 mm in frame 1" in question
+    assert question.endswith("are units, loads and moduli meant so?")

@@ -156,12 +156,9 @@ def test_a_moved_support_has_its_own_amplitude(tmp_path: Path) -> None:
 
 def test_linear_statics_bent_too_far_is_warned_of(tmp_path: Path) -> None:
     soft = {**STEEL, "youngs_modulus_GPa": 0.2}  # MPa taken for GPa: F L^3 / 3 E I is 691 mm
-    linear = scene(material=soft, geometry="linear")
-    (warning,) = gs.run(linear, tmp_path, backend="numpy").warnings
+    made = scene(material=soft, geometry="linear")
+    (warning,) = gs.run(made, tmp_path, backend="numpy").warnings
     assert "differ by 680 mm in frame 1, 282 % of its size" in warning
-    (warning,) = gs.run(scene(material=soft), tmp_path, backend="numpy").warnings
-    assert "by linear theory displacements differ by 680 mm in frame 1" in warning
-    assert warning.endswith("are units, loads and moduli meant so?")
     assert gs.run(scene(), tmp_path, backend="numpy").warnings == ()
 
 
@@ -213,8 +210,8 @@ def test_what_an_amplitude_changes(tmp_path: Path) -> None:
 
 def test_the_amplitude_of_a_load_alone_solves_nothing_again(tmp_path: Path) -> None:
     def alone(amplitude: list[float]) -> Scene:
-        load = {**DOWN, "amplitude": amplitude}  # each a multiple of the factors
-        return scene(load=[load], geometry="linear")
+        # each a multiple of the factors
+        return scene(load=[{**DOWN, "amplitude": amplitude}], geometry="linear")
 
     gs.run(alone([0.0, 0.5]), tmp_path, backend="numpy")
     half = displacement(tmp_path, 1)
