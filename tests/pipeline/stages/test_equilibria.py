@@ -126,7 +126,8 @@ def test_metal_that_has_yielded_is_another_body_when_loads_come_back(tmp_path: P
     # unloaded, it is pressed
     (held,) = [one for one in report.mechanics.reactions if one.name == "pull"]  # type: ignore[union-attr]
     assert held.force[0] < -1e4
-    assert np.abs(data[2]["strain"][:, 0] - np.log(1.0 + 1.0 / 240.0)).max() <= 3e-3
+    # the ends are held sideways, the middle strains a little more
+    assert 1.0 <= np.median(data[2]["strain"][:, 0]) / np.log(1.0 + 1.0 / 240.0) <= 1.1
     (peak,) = report.mechanics.stresses  # type: ignore[union-attr]
     assert peak.von_mises == pytest.approx(data[5]["von_mises"].max())
 
@@ -239,3 +240,12 @@ def test_a_scene_as_an_object_moves_as_its_run_does(tmp_path: Path) -> None:
     solution = made.solution()["bar"]
     np.testing.assert_array_equal(solution.displacement(1), displacement(tmp_path, 1))
     assert solution.reactions(1)[0] == pytest.approx([0.0, 0.0, 2000.0], abs=1e-3)
+
+
+def test_a_scene_is_solved_as_its_frames_are(tmp_path: Path) -> None:
+    made = scene(load=[FAR], factors=[0.0, 0.5, 1.0, 0.5], geometry="nonlinear")
+    gs.run(made, tmp_path, backend="numpy")
+    steps = gs.solve(made, backend="numpy").steps
+    assert [step.factors.tolist() for step in steps] == [[0.5], [1.0]]
+    np.testing.assert_array_equal(steps[1].u, displacement(tmp_path, 2))
+    assert gs.solve(made.replace("analysis.geometry", "auto"), backend="numpy").steps == ()
