@@ -36,6 +36,6 @@ def test_a_point_beside_all_faces_has_none() -> None:
     top = boundary_faces(mesh)
     top = top[top.area_vectors[:, 2] > 0.0]
     middle = mesh.bounds.mean(axis=0)
-    _, distance, _ = nearest_on_surface(top, np.array([middle, middle + [20.0, 0.0, 5.0]]))
+    _, distance, _ = nearest_on_surface(top, middle + np.array([[0.0, 0.0, 0.0], [20.0, 0.0, 5.0]]))
     assert np.isinf(distance[0])
     assert distance[1] == pytest.approx(4.0)

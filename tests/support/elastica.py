@@ -130,12 +130,11 @@ def pulled_ring(strip: Strip, force: float) -> tuple[float, float]:
 
     moment = 0.0
     for share in np.linspace(0.02, 1.0, 50):
-        turned = (
-            lambda m, share=share: (  # noqa: E731
-                side(m[0] * strip.bending / radius, share)[2:3] + 0.5 * np.pi
-            )
-        )
-        moment = float(_root(turned, np.array([moment]))[0])
+
+        def shortfall(unknown: Float, share: float = share) -> Float:
+            return side(unknown[0] * strip.bending / radius, share)[2:3] + 0.5 * np.pi
+
+        moment = float(_root(shortfall, np.array([moment]))[0])
     x, z = side(moment * strip.bending / radius, 1.0)[:2]
     return float(-z - radius), float(x - radius)
 

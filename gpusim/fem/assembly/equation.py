@@ -21,7 +21,7 @@ from gpusim.fem.elements.element_response import ElementResponse, Internal, Want
 from gpusim.fem.elements.isoparametric_map import add_to
 from gpusim.fem.model.constraints import touched
 from gpusim.fem.model.elimination import eliminate
-from gpusim.fem.model.following_loads import PressedFaces
+from gpusim.fem.model.follower_loads import PressedFaces
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.thermal_loads import linear_temperature
 from gpusim.parallel.threads import shared

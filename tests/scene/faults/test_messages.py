@@ -128,7 +128,7 @@ def test_a_model_takes_one_material() -> None:
     mesh = box((0.3, 0.2, 0.1), (2, 1, 1))
     steel = gs.Isotropic(210e9, 0.3)
     assert gs.Model(mesh, steel).materials == (steel,)  # type: ignore[arg-type]
-    for wrong, said in ((gs.Isotropic, "got type"), ([], "got none"), (3, "got int"),
+    for wrong, said in ((gs.Isotropic, "got the class Isotropic"), ([], "got none"), (3, "got int"),
                         ([gs.Isotropic], r"materials\[0\]: got the class Isotropic")):  # fmt: skip
         with pytest.raises(InputError, match=said):
             gs.Model(mesh, wrong)  # type: ignore[arg-type]
