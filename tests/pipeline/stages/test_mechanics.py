@@ -52,7 +52,7 @@ def scene(**changes: Any) -> Scene:
                 "paint": [{"name": "grey", "type": "plain", "albedo": 0.5}],
             }
         ],
-        "analysis": {"load_factors": changes.get("factors", [0.0, 1.0])} | changes.get("analysis", {}),
+        "analysis": {"load_factors": changes.get("factors", [0, 1]), **changes.get("analysis", {})},
         "solver": {"tolerance": 1e-9},
         "output": {"vtu": True, "stress": changes.get("stress", False)},
     }  # fmt: skip
@@ -156,8 +156,7 @@ def test_a_moved_support_has_its_own_amplitude(tmp_path: Path) -> None:
 
 def test_linear_statics_bent_too_far_is_warned_of(tmp_path: Path) -> None:
     soft = {**STEEL, "youngs_modulus_GPa": 0.2}  # MPa taken for GPa: F L^3 / 3 E I is 691 mm
-    made = scene(material=soft, analysis=LINEAR)
-    (warning,) = gs.run(made, tmp_path, backend="numpy").warnings
+    (warning,) = gs.run(scene(material=soft, analysis=LINEAR), tmp_path, backend="numpy").warnings
     assert "differ by 680 mm in frame 1, 282 % of its size" in warning
     assert gs.run(scene(), tmp_path, backend="numpy").warnings == ()
 
@@ -195,8 +194,7 @@ def test_scaling_loads_does_not_change_the_answer(tmp_path: Path) -> None:
 def test_what_an_amplitude_changes(tmp_path: Path) -> None:
     def plan_of(amplitude: list[float], force: float = -50.0) -> dict[str, str]:
         load = {**DOWN, "amplitude": amplitude, "force_N": [0.0, 0.0, force]}
-        made = scene(load=[load, ASIDE], analysis=LINEAR)
-        plan = make_plan(made, tmp_path, "numpy")
+        plan = make_plan(scene(load=[load, ASIDE], analysis=LINEAR), tmp_path, "numpy")
         return {stage.name: stage.state for stage in plan.stages}
 
     first = scene(load=[{**DOWN, "amplitude": [1.0, 0.0]}, ASIDE], analysis=LINEAR)
