@@ -235,7 +235,12 @@ def test_geometry_is_part_of_what_results_depend_on(tmp_path: Path) -> None:
     for geometry in ("linear", "nonlinear"):
         plan = make_plan(auto.replace("analysis.geometry", geometry), tmp_path, "numpy")
         assert plan["export"].runs
-    assert not make_plan(auto, tmp_path, "numpy")["solve"].runs
+    for same in (auto, auto.replace("analysis.frame_rate_Hz", 50.0)):
+        assert not make_plan(same, tmp_path, "numpy")["solve"].runs
+    stressed = auto.replace("output.stress", True)
+    assert not make_plan(stressed, tmp_path, "numpy")["solve"].runs
+    more = auto.replace("analysis.load_factors", [0.0, 0.5, 1.0])
+    assert make_plan(more, tmp_path, "numpy")["solve"].runs
     nonlinear = make_plan(auto.replace("analysis.geometry", "nonlinear"))["solve"]
     assert "nonlinear, 1 load steps" in nonlinear.detail
     assert "nonlinear if the linear solution is too far off" in make_plan(auto)["solve"].detail
