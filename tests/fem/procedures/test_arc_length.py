@@ -92,6 +92,7 @@ def test_steps_that_fail_are_shorter_the_next_time() -> None:
 def test_no_root_no_step() -> None:
     residual, load = np.array([[2.0, 0.0, 0.0]]), np.array([[0.0, 1.0, 0.0]])
     du = np.zeros((1, 3))
-    assert arc_length._root(du + [[0, 1.0, 0]], 0.5 * residual, load, 2.0) > 0.0
+    # 1 along the residual's answer leaves sqrt(3) of a length of 2, forwards
+    assert arc_length._root(load, 0.5 * residual, load, 2.0) == pytest.approx(np.sqrt(3.0) - 1.0)
     with pytest.raises(NotConverged, match="no load factor at this distance"):
         arc_length._root(du, residual, load, 1.0)

@@ -57,10 +57,9 @@ def test_failed_steps_are_halved_and_doubled_again(monkeypatch: pytest.MonkeyPat
 
     def failing(equation, solver, u, factors, controls: Controls) -> Equilibrium:  # type: ignore[no-untyped-def]
         tried.append(float(factors[0]))
-        # no step by more than a quarter in the first half
-        if factors[0] <= 0.5 and factors[0] - sum(done[-1:]) > 0.25 or factors[0] - sum(
-            done[-1:]
-        ) > 0.5:  # fmt: skip
+        begin = done[-1] if done else 0.0
+        # no step by more than a quarter in the first half, by more than half later
+        if factors[0] - begin > (0.25 if begin < 0.5 else 0.5):
             raise NotConverged("too far")
         found = real(equation, solver, u, factors, controls)
         done.append(float(factors[0]))
