@@ -22,11 +22,11 @@ def coarse(factor: float = 1.0) -> NonlinearCase:
 
 
 def test_a_row_says_what_was_measured() -> None:
-    row = dict(zip(HEADINGS, measured(Row("hex8 10x1x1", coarse, 0.02)), strict=True))
+    row = dict(zip(HEADINGS, measured(Row("hex8 10x1x1", coarse, 0.05)), strict=True))
     assert row["case"] == "elastica, end load" and row["unknowns"] == "120"
-    assert row["wanted"] == "2.0%" and 0.0 < float(row["error"].removesuffix("%")) < 2.0
+    assert row["wanted"] == "5.0%" and 0.0 < float(row["error"].removesuffix("%")) < 5.0
     value, reference = (np.array(row[k].split(), dtype=float) for k in ("value", "reference"))
-    assert np.abs(value / reference - 1.0).max() < 0.02
+    assert np.abs(value / reference - 1.0).max() < 0.05
 
 
 def test_a_case_without_an_answer_has_its_row() -> None:
