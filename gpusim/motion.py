@@ -6,8 +6,9 @@ weights of load cases, a time. Frames depend on it and on the motion, and on not
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -42,6 +43,28 @@ class Superposed:
     def reactions(self, state: State) -> Float:
         """(S, 3) N."""
         return np.asarray(np.tensordot(np.array(state), self.forces, axes=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Stepped:
+    """Equilibria one after the other: displacements ``u`` (K, N, 3) m and ``forces`` (K, S, 3) N in
+    the supports, in ``states`` (K, n)."""
+
+    states: Sequence[State]
+    u: Float
+    forces: Float
+
+    def displacement(self, state: State) -> Float:
+        """(N, 3) m; of a state that there is."""
+        return np.asarray(self.u[self._number[state]])
+
+    def reactions(self, state: State) -> Float:
+        """(S, 3) N; of a state that there is."""
+        return np.asarray(self.forces[self._number[state]])
+
+    @cached_property
+    def _number(self) -> dict[State, int]:
+        return {tuple(state): number for number, state in enumerate(self.states)}
 
 
 @dataclass(frozen=True, eq=False)

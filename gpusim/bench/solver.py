@@ -102,7 +102,7 @@ class Point:
     ``setup_s`` holds assembly too for gpusim, and not for other programs, which are given the
     matrix. ``difference`` is to the reference; ``error`` the same, but for another program on a
     slender body to the exact solution of the matrix it was given, whose rounding to float64 it
-    can't help.
+    can't help. ``stated``: a solver's own estimate of it, NaN where it makes none.
     """
 
     solver: str
@@ -114,6 +114,7 @@ class Point:
     peak_kib: float
     difference: float
     note: str = ""
+    stated: float = float("nan")
 
     @property
     def seconds(self) -> float:
@@ -181,7 +182,8 @@ def measure_case(case: Case, result: CaseResult, reference: Path, tell: Tell) ->
         solve_s = timings.get("iterations", 0.0) + timings.get("reactions", 0.0)
         note = "" if run["converged"] else f"not converged: {run['message']}"
         result.add(Point("gpusim", tolerance, run["seconds"] - solve_s, solve_s, run["error"],
-                         run["iterations"], run["peak_kib"], run["error"], note), tell)  # fmt: skip
+                         run["iterations"], run["peak_kib"], run["error"], note, run["stated"]),
+                   tell)  # fmt: skip
 
 
 def is_current(reference: Path, case: Case) -> bool:
@@ -224,7 +226,8 @@ def describe(point: Point) -> str:
     """One line for the screen."""
     return (
         f"{point.solver}: {point.setup_s:.2f} + {point.solve_s:.2f} s, error {point.error:.1e}"
-        f" (to the reference {point.difference:.1e}), {point.iterations} iterations"
+        f" (to the reference {point.difference:.1e}, stated {error_text(point.stated)}), "
+        f"{point.iterations} iterations"
         f"{f' ({point.note})' if point.note else ''}"
     )
 
@@ -269,16 +272,16 @@ def solver_table(case: CaseResult) -> list[str]:
     parts = ", ".join(f"{name} {seconds:.2f}" for name, seconds in case.timings.items())
     lines = [
         f"gpusim: {case.path}; seconds: {parts}.", "",
-        "| solver | tolerance | set-up s | solve s | total s | error | to reference | iterations "
-        "| peak MB |",
-        "|---|---|---|---|---|---|---|---|---|",
+        "| solver | tolerance | set-up s | solve s | total s | error | to reference | stated "
+        "| iterations | peak MB |",
+        "|---|---|---|---|---|---|---|---|---|---|",
     ]  # fmt: skip
     for p in case.points:
         note = f" ({p.note})" if p.note else ""
         lines.append(
             f"| {p.solver}{note} | {p.tolerance:g} | {p.setup_s:.2f} | {p.solve_s:.2f} "
             f"| {p.seconds:.2f} | {error_text(p.error)} | {error_text(p.difference)} "
-            f"| {p.iterations} | {p.peak_kib / 1024:.0f} |"
+            f"| {error_text(p.stated)} | {p.iterations} | {p.peak_kib / 1024:.0f} |"
         )
     return lines + ([""] if case.failures else []) + [f"- {text}" for text in case.failures]
 

@@ -22,8 +22,9 @@ class BodyState:
 
     ``u``: nodal displacements (N, 3), m. ``model``: what it was solved as; None for a body whose
     displacements are given: it has no stress. ``formulation``, ``temperature``: as for
-    `gpusim.fem.stress`. ``nodal_stress``: (N, 6), Pa, and ``stored_error_share``: of elements (M,),
-    where they are there already; strain and the elements' stress aren't then.
+    `gpusim.fem.stress`. What is there already: ``nodal_stress`` (N, 6), Pa, ``nodal_strain`` (N, 6)
+    as tensor components, ``nodal_plastic_strain`` (N,), and ``stored_error_share`` of elements
+    (M,); the elements' stress isn't then.
     """
 
     mesh: Mesh
@@ -33,6 +34,8 @@ class BodyState:
     temperature: float = 0.0
     nodal_stress: Float | None = None
     stored_error_share: Float | None = None
+    nodal_strain: Float | None = None
+    nodal_plastic_strain: Float | None = None
 
     @property
     def length(self) -> Float:
@@ -61,14 +64,13 @@ class BodyState:
         stored = self.stored_error_share
         return self.recovered.error_share if stored is None else stored
 
-    @cached_property
+    @property
     def strain(self) -> Float:
         """(N, 6) as tensor components; where materials meet that of the greatest stress."""
-        from gpusim import fem
+        return self.recovered.nodal_strain if self.nodal_strain is None else self.nodal_strain
 
-        found = self.recovered
-        order = np.argsort(fem.von_mises(found.values), kind="stable")
-        result = np.zeros((self.mesh.node_count, 6))
-        result[found.node_of[order]] = found.strains[order]
-        result[:, 3:] *= 0.5
-        return result
+    @property
+    def plastic_strain(self) -> Float:
+        """(N,), accumulated; zero in a body that doesn't yield."""
+        stored = self.nodal_plastic_strain
+        return np.zeros(len(self.u)) if stored is None else stored

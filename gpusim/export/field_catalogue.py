@@ -106,6 +106,8 @@ BODY = {
     **_of_nodes("principal_strain", "principal strain", "1 2 3", "10⁻³", 1e3,
                 lambda state: _fem().principal(state.strain)),
     **_of_nodes("strain", "strain", _AXES, "10⁻³", 1e3, lambda state: state.strain),
+    "plastic_strain": Field("plastic strain", "10⁻³", lambda state: state.plastic_strain,
+                            "nodes", 1e3),
     "element_von_mises": Field("von Mises stress of elements", "MPa",
                                lambda state: state.recovered.cell_von_mises, "elements", 1e-6),
     "error_share": Field("share of the stress error", "%", lambda state: state.error_share,
@@ -118,9 +120,18 @@ VTU_ARRAYS = {
     "stress": Field(f"stress {_AXES}", "Pa", lambda state: state.stress, "nodes"),
     "von_mises": Field("von Mises stress", "Pa", BODY["von_mises"].of, "nodes"),
     "error_share": Field("share of the stress error", "1", BODY["error_share"].of, "elements"),
+    "strain": Field(f"logarithmic strain {_AXES}", "1", lambda state: state.strain, "nodes"),
+    "plastic_strain": Field("plastic strain", "1", BODY["plastic_strain"].of, "nodes"),
 }
-"""Of a body in a frame, as VTU files have them: "u" of every body, the others where its stress was
-asked for."""
+"""Of a body in a frame, as VTU files have them."""
+
+VTU_NEEDS = {
+    "u": "", "stress": "nodal_stress", "von_mises": "nodal_stress",
+    "error_share": "stored_error_share", "strain": "nodal_strain",
+    "plastic_strain": "nodal_plastic_strain",
+}  # fmt: skip
+"""What of a `BodyState` has to be there for each: stress where asked for, strain of bodies at
+large displacements."""
 
 
 # -- truth in pictures --------------------------------------------------------------------------

@@ -32,7 +32,7 @@ from gpusim.fem.materials.neo_hookean import NeoHookean
 from gpusim.fem.materials.orthotropic import Orthotropic
 from gpusim.fem.materials.saint_venant_kirchhoff import SaintVenantKirchhoff
 from gpusim.fem.model.constraints import Equations, equations, tie
-from gpusim.fem.model.following_loads import FollowerPressure
+from gpusim.fem.model.follower_loads import FollowerPressure
 from gpusim.fem.model.loads import (
     body_force,
     centrifugal,

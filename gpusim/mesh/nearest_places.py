@@ -32,8 +32,6 @@ def nearest_on_surface(faces: Faces, points: Float) -> tuple[Long, Float, Float]
     for candidate, least in zip(*_candidates(faces, points), strict=True):
         enough = np.maximum(least, _TOUCHING * size[candidate])
         at = np.flatnonzero(~(badness <= enough))
-        if not at.size:
-            continue
         which = candidate[at]
         outside, gap, share = nearest_places(faces, which, points[at])
         # of two faces side by side the one that holds the point is better

@@ -13,7 +13,7 @@ from gpusim.arrays.srgb import decoded
 from gpusim.errors import InputError
 from gpusim.export.body_state import BodyState
 from gpusim.export.field_catalogue import BODY
-from gpusim.fem import Model, Solution
+from gpusim.fem import Solution
 from gpusim.notebook.axes import draw_faces, space_axes
 from gpusim.notebook.mesh import MOST_CELLS, metal_surface, skin_of
 from gpusim.notebook.page import Legend, Picture, page, quantity
@@ -67,7 +67,7 @@ def html(solution: Solution) -> str:
     field = "displacement"
     if model is not None and model.mesh.cell_count <= _STRESS_CELLS:
         field = "von_mises"
-        peak = _field(model, u[0], field)
+        peak = _field(solution, u[0], field)
         rows.append(("largest von Mises stress", f"{quantity(peak.max())} (node {peak.argmax()})"))
     for case, sums in enumerate(_cases(solution.reactions).sum(axis=1)):
         if case < 3:
@@ -137,13 +137,22 @@ def _shown(solution: Solution, field: str, case: int, scale: float | None) -> _S
     rest, moved = skin.at_vertices(model.mesh.points), skin.at_vertices(u[case])
     if scale is None:
         scale = exaggeration(rest, np.linalg.norm(moved, axis=1))
-    values = skin.at_vertices(_field(model, u[case], field))
+    values = skin.at_vertices(_field(solution, u[case], field))
     return _Shown(skin, rest + scale * moved, values, scale)
 
 
-def _field(model: Model, u: Float, field: str) -> Float:
+def _field(solution: Solution, u: Float, field: str) -> Float:
     """(N,) at the nodes."""
-    return np.asarray(FIELDS[field].of(BodyState(model.mesh, u, model)))
+    model = solution.model
+    assert model is not None
+    state = BodyState(model.mesh, u, model)
+    found = solution.steps[-1].stress if solution.steps else None
+    if found is not None:
+        state = BodyState(
+            model.mesh, u, nodal_stress=found.nodal, nodal_strain=found.nodal_strain,
+            nodal_plastic_strain=found.nodal_plastic_strain,
+        )  # fmt: skip
+    return np.asarray(FIELDS[field].of(state))
 
 
 def _range(values: Float) -> tuple[float, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from gpusim.graph.stage import Stage, first
-from gpusim.plan.stage_builder import StageBuilder
+from gpusim.plan.stage_builder import Needs, StageBuilder
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import load_groups
 from gpusim.scene.frames import FrameTable
@@ -24,7 +24,8 @@ def stillness(scene: Scene, frames: FrameTable) -> str:
 
 
 def static_stages(build: StageBuilder) -> Iterator[Stage]:
-    """Linear statics: a model a body, one solve of all, and its load cases superposed."""
+    """Statics: a model a body, one linear solve of all, and its load cases superposed; equilibria
+    at large displacements for the bodies that need them."""
     scene, options = build.scene, build.options
     if not scene.bodies or (options.skip and stillness(scene, build.frames)):
         return
@@ -37,9 +38,25 @@ def static_stages(build: StageBuilder) -> Iterator[Stage]:
                       build.of_bodies("model"), [None], "solve", keeps=True,
                       on_device=True)  # fmt: skip
     yield build.stage("solution", "mechanics:solution", needs={"solve": first})
+    if scene.analysis.geometry != "linear":
+        yield from _equilibria(build)
+        return
     for number, name in enumerate(build.bodies):
         yield build.stage(f"motion/{name}", "mechanics:superposed", needs={"solution": first},
                           rows=[number])  # fmt: skip
+
+
+def _equilibria(build: StageBuilder) -> Iterator[Stage]:
+    """Which depend on all frames: each begins at the one before, and any of them may be the one
+    that linear theory is too far off for."""
+    needs: Needs = build.of_bodies("mesh") | build.of_bodies("model") | {"solution": first}
+    row = [build.scene.analysis.geometry, list(build.frames)]
+    yield build.stage("equilibria", "equilibria:equilibria", ["solver", "body.*.mechanics"], needs,
+                      [row], "solve", keeps=True, on_device=True)  # fmt: skip
+    for number, name in enumerate(build.bodies):
+        yield build.stage(f"motion/{name}", "equilibria:motion",
+                          needs={"solution": first, "equilibria": first},
+                          rows=[[number, name]])  # fmt: skip
 
 
 def field_stages(build: StageBuilder) -> Iterator[Stage]:

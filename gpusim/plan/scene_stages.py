@@ -77,7 +77,7 @@ def _looks(build: StageBuilder) -> Iterator[Stage]:
 
 
 def _linear_theory(build: StageBuilder, moving: Sequence[Stage]) -> Iterator[Stage]:
-    if any(one.name == "solve" for one in moving):
+    if any(one.work.endswith(":superposed") for one in moving):
         needs = build.of_bodies("mesh") | build.of_bodies("motion")
         yield build.stage("linear theory", "checks:linear_theory", ["body.*.mechanics"], needs,
                           [list(build.frames)], keeps=True)  # fmt: skip
@@ -141,17 +141,20 @@ def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iter
     """What is written and measured beside the pictures."""
     scene, output, table = build.scene, build.scene.output, [list(build.frames)]
     whole = build.surfaces() | motions
+    steps: Needs = (
+        dict.fromkeys(("equilibria", "solution"), first) if "equilibria" in moving else {}
+    )
     if output.truth and scene.cameras:
         yield from _truth(build, motions)
     for spec in scene.measures:
         yield from _measured(build, spec, whole, table)
     stresses = output.stress and "solve" in moving
     if stresses:
-        needs = build.of_bodies("mesh") | build.of_bodies("model") | motions
+        needs = build.of_bodies("mesh") | build.of_bodies("model") | motions | steps
         yield build.stage("stress", "mechanics:stress", ["body.*.mechanics"], needs, table,
                           "stress", keeps=True)  # fmt: skip
     if output.fields and motions and any(not one.shown.unloaded for one in build.frames):
-        needs = build.of_bodies("mesh") | motions
+        needs = build.of_bodies("mesh") | motions | steps
         needs |= build.of_bodies("model") if "solve" in moving else {}
         row = [*table, output.stress, frame_word(scene)]
         sections = ["body.*.mechanics", *(f"camera.{one.name}" for one in scene.cameras[:1])]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 Triple = tuple[float, float, float]
@@ -54,10 +54,31 @@ class FieldPicture:
 
 
 @dataclass(frozen=True)
+class LoadStepRow:
+    """An equilibrium of a ``body`` at large displacements, in ``frame``, and what Newton's method
+    took: ``iterations``, those of the linear solver in them, in how many ``substeps``.
+
+    ``moved_mm``: greatest displacement, ``linear_mm``: by linear theory; ``error_estimate``:
+    relative, of the greatest displacement.
+    """
+
+    body: str
+    frame: int
+    factor: float
+    moved_mm: float
+    linear_mm: float
+    iterations: int
+    solver_iterations: int
+    substeps: int
+    error_estimate: float
+
+
+@dataclass(frozen=True)
 class LoadPath:
     """How the node of ``body`` that moves most, at ``position_mm``, goes with the load: in each of
     ``frames`` the load ``factors`` (what they are: ``word``), its ``displacement_mm`` along the way
-    that it moves, and the resultant ``reaction_N`` in the body's supports."""
+    that it moves, and the resultant ``reaction_N`` in the body's supports; ``linear_mm``: the
+    displacement by linear theory, of a body that isn't solved by it."""
 
     body: str
     position_mm: Triple
@@ -66,6 +87,7 @@ class LoadPath:
     factors: tuple[float, ...]
     displacement_mm: tuple[float, ...]
     reaction_N: tuple[float, ...]
+    linear_mm: tuple[float, ...] = ()
 
     @property
     def held(self) -> bool:
@@ -88,7 +110,8 @@ _NO_FORCE = 1e-6
 class Mechanics:
     """Forces and stress in ``frame``; ``energy_balance`` compares work and strain energy.
 
-    ``stresses`` is empty where the scene doesn't ask for stress.
+    ``stresses`` is empty where the scene doesn't ask for stress, ``load_steps`` where all bodies
+    are solved by linear theory.
     """
 
     frame: int
@@ -96,10 +119,12 @@ class Mechanics:
     reactions: tuple[BodyForce, ...] = ()
     loads: tuple[BodyForce, ...] = ()
     stresses: tuple[StressPeak, ...] = ()
+    load_steps: tuple[LoadStepRow, ...] = ()
 
     def content(self) -> dict[str, Any]:
         """For report.json."""
-        return {
+        steps = {"load_steps": [asdict(one) for one in self.load_steps]} if self.load_steps else {}
+        content = {
             "frame": self.frame,
             "energy_balance": self.energy_balance,
             "reactions": [
@@ -116,6 +141,7 @@ class Mechanics:
                 for peak in self.stresses
             ],
         }
+        return content | steps
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ A kind is registered under the name that ``[analysis] type`` has for it.
 from __future__ import annotations
 
 import importlib
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -56,18 +57,35 @@ def kind_of(scene: Scene) -> AnalysisKind:
 
 
 def _weights(scene: Scene, scaled: bool) -> Sequence[States]:
-    """Linear statics: the amplitude of each load case."""
+    """Statics: the amplitude of each load case."""
     factors = scene.analysis.load_factors
     bodies = []
     for body in scene.bodies:
         groups = load_groups(body, factors, scaled)
         rows = list(zip(*(group.amplitude for group in groups), strict=True))
         acts = [bool(group.loads or group.supports) for group in groups]
-        bodies.append([
+        states = [
             row if any(w and act for w, act in zip(row, acts, strict=True)) else None
             for row in rows
-        ])  # fmt: skip
+        ]  # fmt: skip
+        bodies.append(_told_apart(states, rows) if body.has_history else states)
     return bodies
+
+
+def _told_apart(states: States, rows: Sequence[tuple[float, ...]]) -> States:
+    """Of a body with history: where loads come back once it was loaded, states have the number of
+    the visit after the weights of ``rows``."""
+    visits: Counter[tuple[float, ...]] = Counter()
+    found: list[tuple[float, ...] | None] = []
+    for state, row, before in zip(states, rows, (None, *rows), strict=False):
+        if state is None and not visits:
+            found.append(None)
+            continue
+        visits[row] += row != before
+        found.append((*row, float(visits[row])))
+    if max(visits.values(), default=1) == 1:
+        return [None if state is None else state[:-1] for state in found]
+    return found
 
 
 def _times(scene: Scene, scaled: bool) -> Sequence[States]:

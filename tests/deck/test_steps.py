@@ -365,3 +365,34 @@ def test_equations_along_a_slender_body_keep_its_digits() -> None:
     found = solve(own, backend="numpy", tolerance=1e-8)
     error = np.abs(found.u - wanted).max() / np.abs(wanted).max()
     assert error <= found.error_estimate <= 1e-8
+
+
+def test_steps_with_the_same_constraints_become_load_cases(tmp_path: Path) -> None:
+    skew = "*NSET, NSET=ONE\n12\n*TRANSFORM, NSET=ONE, TYPE=R\n1., 1., 0., -1., 1., 0.\n"
+    found = load(
+        tmp_path, skew, "*TIE, NAME=T\nSMALL, BIG\n*BOUNDARY\nONE, 1\n",
+        step("*CLOAD", "RIGHT, 3, 1."), step("*CLOAD, OP=NEW", "RIGHT, 2, 1."),
+        step("*BOUNDARY", "ONE, 1, 1, 0.1"), model=TIED.format(gap="2."),
+    )  # fmt: skip
+    both = found.model(1, 2)
+    assert both.load_cases.shape == (2, 16, 3) and len(both.constraints) == 2
+    with pytest.raises(InputError, match="steps 1 and 3 hold different"):
+        found.model(1, 3)
+    solutions = found.solve(backend="numpy", tolerance=1e-10)
+    for k, one in enumerate(solutions[:2]):
+        alone = solve(found.model(k + 1), backend="numpy", tolerance=1e-10, formulation="full")
+        np.testing.assert_allclose(one.u, alone.u[0], atol=1e-9 * np.abs(alone.u).max())
+    moved = solutions[2].u[np.flatnonzero(found.node_labels == 12)[0]]
+    assert moved[:2].sum() / np.sqrt(2.0) == pytest.approx(0.1, abs=1e-12)
+
+
+def test_a_reference_node_takes_a_force(tmp_path: Path) -> None:
+    """A node of no element that moves as the mean of two; without an equation it is refused."""
+    extra = MODEL.replace("*ELEMENT", "*NODE\n99, 20., 0., 0.\n*ELEMENT", 1)
+    mean = "*EQUATION\n3\n99, 3, 2., 22, 3, -1., 13, 3, -1.\n"
+    push = step("*CLOAD", "99, 3, 4.")
+    (solution,) = load(tmp_path, mean, push, model=extra).solve(backend="numpy", tolerance=1e-10)
+    shared = load(tmp_path, step("*CLOAD", "22, 3, 2.", "13, 3, 2.")).solve(tolerance=1e-10)[0]
+    np.testing.assert_allclose(solution.u[:12], shared.u, atol=1e-9 * np.abs(shared.u).max())
+    with pytest.raises(InputError, match="node 99 belongs to no solid element"):
+        load(tmp_path, push, model=extra)

@@ -41,17 +41,19 @@ def test_every_kind_of_table_runs_on_parts_alone(
     write_inputs(tmp_path)
     first = Scene.from_document(everything(), folder=tmp_path)
     second = Scene.from_document(given_field(checkout / "examples" / "strip.frd"), folder=tmp_path)
-    for number, scene in enumerate((first, second)):
+    third = small_scene(analysis={"geometry": "linear"})
+    for number, scene in enumerate((first, second, third)):
         report = run(scene, tmp_path / str(number))
         assert report.status == "done"
     kinds = {name.split("/")[0] for name in made}
     assert kinds == {
-        "mesh", "surface", "props", "meshes", "geometry", "model", "solve", "solution", "motion",
+        "mesh", "surface", "props", "meshes", "geometry", "model", "solve", "solution",
+        "equilibria", "motion",
         "linear theory", "radiance", "exposure", "picture", "target", "calib-exposure",
         "calib-picture", "truth", "measure", "stress", "fields", "export", "calibration files",
     }  # fmt: skip
     before = made.copy()
-    for number, scene in enumerate((first, second)):
+    for number, scene in enumerate((first, second, third)):
         run(scene, tmp_path / str(number))
     assert made == before
 

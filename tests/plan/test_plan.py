@@ -97,10 +97,13 @@ TRUTH = "truth/front", "truth"
          {"mesh", "model", "solve", "surface", "render/front/0001", *TRUTH, "measure", "export"}),
         ("solver.tolerance", 1e-7,
          {"mesh", "model", "solve", "surface", "render/front/0001", *TRUTH, "measure", "export"}),
-        ("analysis.load_factors", [0.0, 1.0, 2.0],
-         {"mesh", "model", "surface", "render/front/0002", *TRUTH, "measure", "export"}),
-        ("analysis.load_factors", [0.0, 0.5],
+        ("analysis.geometry", "linear",  # frames depend on other loads without it
          {"mesh", "model", "surface", "render/front/0001", *TRUTH, "measure", "export"}),
+        ("analysis.load_factors", [0.0, 1.0, 2.0],
+         {"mesh", "model", "solve", "surface", "render/front/0001", "render/front/0002", *TRUTH,
+          "measure", "export"}),
+        ("analysis.load_factors", [0.0, 0.5],
+         {"mesh", "model", "solve", "surface", "render/front/0001", *TRUTH, "measure", "export"}),
         ("measure.deflection.subset_px", 15, {"mesh", "surface", "measure"}),
         ("output.vtu", False, {"mesh", "surface", "export"}),
         ("output.truth", ["flow"], {"mesh", "surface", *TRUTH}),
@@ -118,10 +121,23 @@ def test_a_change_runs_what_depends_on_it(
     assert running(make_plan(crane.replace(key, value), tmp_path)) == runs | {"report"}
 
 
+def test_by_linear_theory_a_frame_depends_on_its_own_load_alone(
+    crane: Scene, tmp_path: Path
+) -> None:
+    linear = crane.replace("analysis.geometry", "linear")
+    pretend_run(linear, tmp_path)
+    more = linear.replace("analysis.load_factors", [0.0, 1.0, 2.0])
+    after = {"measure", "export", "report", *TRUTH}
+    assert running(make_plan(more, tmp_path)) == {
+        "mesh", "model", "surface", "render/front/0002", *after
+    }  # fmt: skip
+
+
 def test_automatic_exposure_ties_frames_to_the_first(crane: Scene) -> None:
     """With a fixed exposure a frame depends on its own load factor alone."""
+    linear = crane.replace("analysis.geometry", "linear")
     for exposure, tied in (("auto", True), (0.5, False)):
-        scene = crane.replace("sensor.exposure", exposure)
+        scene = linear.replace("sensor.exposure", exposure)
         other = scene.replace("analysis.load_factors", [0.3, 1.0])
         a = make_plan(scene)["render/front/0001"].key
         b = make_plan(other)["render/front/0001"].key
@@ -198,6 +214,7 @@ def test_a_result_with_size_and_time_set_back_is_found_by_its_bytes(
 
 
 def test_a_reason_names_what_changed(crane: Scene, tmp_path: Path) -> None:
+    crane = crane.replace("analysis.geometry", "linear")
     pretend_run(crane, tmp_path)
     plan = make_plan(crane.replace("camera.front.focal_mm", 31.0), tmp_path)
     assert plan["render/front/0000"].reason == "camera.front changed"

@@ -165,11 +165,14 @@ def motion_of(points: Float, amount: float = 0.04, seed: int = 1) -> Float:
 
 
 def copies(
-    form: tuple[str, str, str], nodes: Float, count: int, law: Law | None = None
+    form: tuple[str, str, str], nodes: Float, count: int, law: Law | None, free: Float | None
 ) -> ElementResponse:
     """The same element many times, each with nodes of its own."""
     cells = np.arange(count * len(nodes)).reshape(count, -1)
-    return elements(form, np.tile(nodes, (count, 1)), cells, law)
+    if free is not None:
+        points = len(ELEMENTS[form[1]].rule(form[2]).weight)
+        free = np.broadcast_to(free, (count, points, 6))
+    return elements(form, np.tile(nodes, (count, 1)), cells, law, free)
 
 
 def settle(own: ElementResponse, u: Float) -> None:
@@ -185,14 +188,15 @@ def tangent_errors(
     path: list[tuple[Float, Float]],
     law: Law | None = None,
     step: float = 1e-3,
+    free: Float | None = None,
 ) -> list[float]:
     """Relative, against central differences of sixth order: of one element at rest at ``nodes``,
-    path[0][0], after each of the motions (nodes, u) in turn."""
+    path[0][0], after each of the motions (nodes, u) in turn. ``free`` (6,) strain."""
     nodes = path[0][0]
     offsets = [0, 1, -1, 2, -2, 3, -3]
     unit = np.eye(nodes.size).reshape(-1, *nodes.shape)
     apart = step * np.concatenate([offset * unit for offset in offsets])
-    own = copies(form, nodes, len(apart), law)
+    own = copies(form, nodes, len(apart), law, free)
     which, start = np.arange(len(apart)), own.snapshot()
     before, errors = np.zeros((len(apart) * len(nodes), 3)), []
     for _, u in path:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from gpusim.arrays.array_types import Float
 from gpusim.fem.assembly.element_batches import model_groups
 from gpusim.fem.elements.corotational import Corotational
@@ -32,15 +34,19 @@ def element_responses(model: Model, formulation: Mapping[str, str]) -> list[Elem
         if not law.finite_strain:
             for group in model_groups(model, formulation, chosen):
                 rule = formulation[group.name]
-                block = ElementBlock(group.name, rule, points, group.cells, law)
+                block = ElementBlock(
+                    group.name, rule, points, group.cells, law, numbers=group.numbers
+                )
                 responses.append(Corotational(block, group))
             continue
         for name, first, cells in model.mesh.blocks():
-            own = cells[chosen[first : first + len(cells)]]
+            numbers = first + np.flatnonzero(chosen[first : first + len(cells)])
+            own = cells[numbers - first]
             if len(own):
                 rule = formulation[name]
                 element = _FINITE_STRAIN.get(rule, TotalLagrangian)
-                responses.append(element(ElementBlock(name, rule, points, own, law)))
+                block = ElementBlock(name, rule, points, own, law, numbers=numbers)
+                responses.append(element(block))
     return responses
 
 

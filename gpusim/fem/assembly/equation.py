@@ -21,7 +21,7 @@ from gpusim.fem.elements.element_response import ElementResponse, Internal, Want
 from gpusim.fem.elements.isoparametric_map import add_to
 from gpusim.fem.model.constraints import touched
 from gpusim.fem.model.elimination import eliminate
-from gpusim.fem.model.following_loads import PressedFaces
+from gpusim.fem.model.follower_loads import PressedFaces
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.thermal_loads import linear_temperature
 from gpusim.parallel.threads import shared
@@ -214,8 +214,10 @@ class Equation:
         for one, kept in zip(self.responses, internal, strict=True):
             one.restore(kept)
 
-    def commit(self, u: Float) -> None:
+    def commit(self, u: Float, factors: Float) -> None:
         """A step has ended at ``u``: what its points have been through is their history."""
+        if any(one.block.law.state_size for one in self.responses):
+            self.internal(u, factors)
         for one in self.responses:
             one.commit(u)
 

@@ -324,7 +324,12 @@ class Numbering:
     def back(self, solution: Solution) -> Solution:
         """The solution in the model's own numbers."""
         steps = [
-            replace(step, u=step.u[self._place], reactions=step.reactions[self._place])
+            replace(
+                step,
+                u=step.u[self._place],
+                reactions=step.reactions[self._place],
+                stress=None if step.stress is None else step.stress.renumbered(self.order),
+            )
             for step in solution.steps
         ]
         return replace(

@@ -9,7 +9,8 @@ as sharp as without constraints. Its matrix keeps blocks of 3x3, but rows needn'
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from scipy.sparse import bsr_matrix, identity
@@ -19,6 +20,8 @@ from gpusim.fem.assembly.assembly import Assembled
 from gpusim.fem.assembly.system import ElementForces, System, contrast, row_sum, size_of_loads
 from gpusim.fem.model.elimination import Elimination
 from gpusim.fem.sparse.block_rows import BlockRows, block_matrix, block_rows
+
+Forces = Callable[[Float], Float]
 
 
 def reduced_rows(rows: BlockRows, elimination: Elimination) -> BlockRows:
@@ -45,12 +48,12 @@ def reduced_system(
     free = (system.free | elimination.loose) & ~given_up
     prescribed = np.where(given_up, elimination.offset, system.prescribed)
 
-    def apply(v: Float) -> Float:
-        return elimination.forces(system.apply(elimination.displacements(v)))
+    sizes = replace(elimination, matrix=abs(elimination.matrix))
 
-    def rounding(v: Float) -> Float:
-        return elimination.forces(system.rounding(elimination.displacements(v)))
+    def on_v(product: Forces, back: Elimination = elimination) -> Forces:
+        return lambda v: back.forces(product(elimination.displacements(v)))
 
+    apply, elements = on_v(system.apply), system.elements
     loads = elimination.forces(system.loads)
     pull = scale * apply(prescribed) if prescribed.any() else None
     right = np.where(free, loads - (0.0 if pull is None else pull), 0.0)
@@ -58,7 +61,7 @@ def reduced_system(
     reduced = replace(
         system,
         apply=apply,
-        rounding=rounding,
+        rounding=on_v(system.rounding),
         row_sum=row_sum(rows) / scale,
         contrast=max(system.contrast, contrast(rows)),
         right=right / load_scale[:, None, None],
@@ -67,23 +70,8 @@ def reduced_system(
         prescribed=prescribed,
         pull=pull,
         loads=loads,
-        elements=_ReducedForces(system.elements, elimination),
+        # sizes: as if none took off from another
+        elements=ElementForces(on_v(elements.product), on_v(elements.rounding, sizes)),
         stencil=None,
     )
     return Assembled(rows, [], None), reduced
-
-
-@dataclass(frozen=True, eq=False)
-class _ReducedForces:
-    """Of elements, on v."""
-
-    elements: ElementForces
-    elimination: Elimination
-
-    def product(self, v: Float) -> Float:
-        return self.elimination.forces(self.elements.product(self.elimination.displacements(v)))
-
-    def rounding(self, v: Float) -> Float:
-        # as if none took off from another
-        spread = replace(self.elimination, matrix=abs(self.elimination.matrix))
-        return spread.forces(self.elements.rounding(self.elimination.displacements(v)))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -26,12 +25,13 @@ from gpusim.fem.sparse.stiffness_product import apply_stiffness
 _REPEATS = 8
 
 
-class ElementForces(Protocol):
-    """See ``Deformation``."""
+@dataclass(frozen=True, eq=False)
+class ElementForces:
+    """(L,N,3) -> (L,N,3): the ``product`` K u, element by element, and what its ``rounding`` can
+    come to; see ``Deformation``."""
 
-    def product(self, u: Float) -> Float: ...
-
-    def rounding(self, u: Float) -> Float: ...
+    product: Callable[[Float], Float]
+    rounding: Callable[[Float], Float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +151,7 @@ def scaled_system(
         prescribed=prescribed,
         pull=pull,
         loads=loads,
-        elements=elements,
+        elements=ElementForces(elements.product, elements.rounding),
     )
 
 

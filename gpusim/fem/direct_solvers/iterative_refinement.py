@@ -97,29 +97,6 @@ def refine(
     return Outcome(u, good, float(estimate.max()), len(history), np.stack(history), message, forces)
 
 
-def corrected(
-    system: System, factor: BandedFactor | SubstructuredFactor, tolerance: float
-) -> tuple[Float, int] | None:
-    """(L,N,3) displacements with corrections until one is ``tolerance`` of them, and how often was
-    solved; None where corrections don't shrink.
-
-    For tangents: what the rounding of their entries does to a step, the next residual tells.
-    """
-    x = factor.apply(system.right.reshape(len(system.right), -1)).reshape(system.right.shape)
-    before = _size(x)
-    for number in range(2, _MOST):
-        correction = factor.apply(_residual(system, x)).reshape(x.shape)
-        x = x + correction
-        change, size = _size(correction), _size(x)
-        if not bool((change <= _CONTRACTION * before).all()):
-            return None
-        if bool((change <= tolerance * size).all()):
-            factor_of = (system.scale / system.load_scale)[:, None, None]
-            return np.where(system.free, x / factor_of, system.prescribed), number
-        before = change
-    return None
-
-
 def _residual(system: System, x: Float) -> Float:
     """(L,n)."""
     residual = np.where(system.free, system.right - system.apply(x), 0.0)

@@ -79,6 +79,7 @@ class Corotational(ElementResponse):
         forces = np.matmul(balanced, frame.rotation.swapaxes(1, 2)).reshape(local.shape)
         if want is Want.FORCES:
             return forces, None
+        # d moves by (1 + S w) v, with spin w v: a matrix of rank 3 and its transpose beside K
         by_spin = _skew(frame.position)
         turned = np.matmul(matrices, by_spin)
         stiffness = np.matmul(by_spin.swapaxes(1, 2), turned)

@@ -39,6 +39,7 @@ class ElementBlock:
     free_strain : (M,Q,6) strain that causes no stress, engineering shear, along global axes at
         rest, so that it turns with the material; None: none. At finite strain it is subtracted
         from the Green-Lagrange strain: a stretch 1 + e of heat is e + e^2/2.
+    numbers : (M,) of the mesh's cells; None where they are no mesh's.
 
     Raises InputError for cells inverted at a quadrature point.
     """
@@ -49,6 +50,7 @@ class ElementBlock:
     cells: Int
     law: Law
     free_strain: Float | None = None
+    numbers: Long | None = None
 
     def __post_init__(self) -> None:
         good: Bool = np.all(volumes(self.points[self.cells], self.rule) > 0.0, axis=1)

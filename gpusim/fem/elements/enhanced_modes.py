@@ -58,6 +58,8 @@ class EnhancedModes(TotalLagrangian):
     `TotalLagrangian` keeps.
     """
 
+    by_moduli = True
+
     def __init__(self, block: ElementBlock) -> None:
         super().__init__(block)
         count, width = len(block.cells), 3 * block.cells.shape[1]
@@ -71,7 +73,7 @@ class EnhancedModes(TotalLagrangian):
         elimination."""
         motion = self._motion(which, u)
         geometry, count = motion.geometry, len(which)
-        update = self._try(which, motion.strain, True)
+        update = self._try(which, motion.strain, want)
         assert update.moduli is not None
         rows, shapes = strain_rows(motion.gradient, geometry.back), self._moved_shapes(motion)
         inner, mixed = self._mode_moduli(motion, rows, update.moduli)

@@ -12,11 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
-from gpusim.fem.elements.isoparametric_map import times
+from gpusim.fem.elements.isoparametric_map import determinant, times
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
 """The axes of a component xx yy zz xy yz zx."""
 IDENTITY = np.eye(3)[..., None, None]
+_LEAST_STIFFNESS = 1e-3
 
 
 def green_lagrange(slope: Float) -> Float:
@@ -38,13 +39,9 @@ def strain_change(gradient: Float, slope: Float) -> Float:
 
 def volume_change(slope: Float) -> Float:
     """(…) determinant of the deformation gradient, less one."""
-    a = slope
-    minors = a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0]
-    change = a[0, 0] + a[1, 1] + a[2, 2] + minors
-    change += a[1, 1] * a[2, 2] - a[1, 2] * a[2, 1] + a[0, 0] * a[2, 2] - a[0, 2] * a[2, 0]
-    change += minors * a[2, 2] + a[0, 1] * a[1, 2] * a[2, 0] + a[0, 2] * a[1, 0] * a[2, 1]
-    change -= a[0, 0] * a[1, 2] * a[2, 1] + a[0, 2] * a[1, 1] * a[2, 0]
-    return np.asarray(change)
+    h = slope
+    minors = sum(h[i, i] * h[j, j] - h[i, j] * h[j, i] for i, j in PAIRS[3:])
+    return np.asarray(h[0, 0] + h[1, 1] + h[2, 2] + minors + determinant(h))
 
 
 def tensor(stress: Float) -> Float:
@@ -59,6 +56,16 @@ def pushed_forward(gradient: Float, stress: Float) -> Float:
     """(…,6) F S F^T of gradients F (3,3,…) and stresses (…,6)."""
     pushed = times(times(gradient, tensor(stress)), gradient.swapaxes(0, 1))
     return np.stack([pushed[i, j] for i, j in PAIRS], axis=-1)
+
+
+def definite(moduli: Float) -> Float:
+    """Moduli (…,6,6) without directions in which they aren't positive: eigenvalues of at least a
+    thousandth of the greatest."""
+    values, vectors = np.linalg.eigh(moduli)
+    if (values[..., 0] > _LEAST_STIFFNESS * values[..., -1]).all():
+        return moduli
+    values = np.maximum(values, _LEAST_STIFFNESS * values[..., -1:])
+    return np.asarray(np.matmul(vectors * values[..., None, :], vectors.swapaxes(-1, -2)))
 
 
 def point_matrices(matrix: Float) -> Float:

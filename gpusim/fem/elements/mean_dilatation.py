@@ -48,7 +48,7 @@ class MeanDilatation(TotalLagrangian):
     def response(self, which: Long, u: Float, want: Want) -> tuple[Float, Float | None]:
         """See `ElementResponse`."""
         motion = self._motion(which, u)
-        update = self._try(which, motion.strain, want is not Want.FORCES)
+        update = self._try(which, motion.strain, want)
         spatial = point_matrices(motion.spatial)
         flux, pressure, excess = self._volumetric(motion, update.stress)
         forces = at_nodes(self.shapes, flux + (excess / 3.0)[..., None, None] * spatial)

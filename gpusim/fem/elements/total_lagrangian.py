@@ -8,7 +8,7 @@ point, between two products with a table.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from gpusim.fem.elements.finite_strain import (
     IDENTITY,
     add_geometric,
     at_nodes,
+    definite,
     green_lagrange,
     material_part,
     point_matrices,
@@ -69,6 +70,8 @@ class TotalLagrangian(ElementResponse):
     Keeps 48 bytes a point for foretold stresses, and the law's states twice.
     """
 
+    by_moduli = False  # whether forces take moduli, too
+
     def __init__(self, block: ElementBlock) -> None:
         self.rule, self.law = block.rule, block.law
         points, size = (len(block.cells), len(self.rule.weight)), block.law.state_size
@@ -78,7 +81,7 @@ class TotalLagrangian(ElementResponse):
     def response(self, which: Long, u: Float, want: Want) -> tuple[Float, Float | None]:
         """See `ElementResponse`."""
         motion = self._motion(which, u)
-        update = self._try(which, motion.strain, want is not Want.FORCES)
+        update = self._try(which, motion.strain, want)
         forces = at_nodes(self.shapes, self._flux(motion, motion.gradient, update.stress))
         if want is Want.FORCES:
             return forces, None
@@ -139,9 +142,12 @@ class TotalLagrangian(ElementResponse):
         state = None if self._state is None else self._state[which]
         return self.law.update(strain, state, moduli=moduli)
 
-    def _try(self, which: Long, strain: Float, moduli: bool) -> Update:
-        """The law's answer, whose states are those of the step if it is the last."""
-        update = self._law(which, strain, moduli)
+    def _try(self, which: Long, strain: Float, want: Want) -> Update:
+        """The law's answer, whose states are those of the step if it is the last; with definite
+        moduli for the material part."""
+        update = self._law(which, strain, self.by_moduli or want is not Want.FORCES)
+        if want is Want.MATERIAL and update.moduli is not None:
+            update = replace(update, moduli=definite(update.moduli))
         if self._trial is not None:
             self._trial[which] = update.state
         return update

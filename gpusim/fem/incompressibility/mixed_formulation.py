@@ -62,7 +62,7 @@ class MixedFormulation:
     @property
     def lowest(self) -> float:
         """About the least eigenvalue of K / scale."""
-        return self.norm.lowest
+        return self.norm.lowest * self.norm.share
 
     def loop(self, cases: int) -> SaddleCG:
         """Conjugate gradients for some load cases."""
@@ -128,6 +128,10 @@ class SaddleCG:
         """The displacements of this run so far, (L,3N)."""
         return self._x[0].copy()
 
+    def preconditioned(self) -> Float:
+        """The displacements of z, (L,3N)."""
+        return self._z1
+
     def keep(self) -> None:
         """The correction has been added to the solution: its pressures count from now on."""
         self._known = self._known + self._c * self._x[1] - self._volumes(self._x[0])
@@ -191,8 +195,6 @@ def mixed_solver(
         if split.lattice is None
         else PressureScaling(split, diagonal)
     )
-    lowest = unit * min(hierarchy.lowest, spectrum.lowest) * (1.0 - _BELOW)
+    norm = Norm(unit * min(hierarchy.lowest, spectrum.lowest), sought=True, share=1.0 - _BELOW)
     theta = _BELOW * float(spectrum.mu.min())
-    return MixedFormulation(
-        multigrid, split, pressures, theta, unit, Norm(lowest, sought=True), spectrum.iterations
-    )
+    return MixedFormulation(multigrid, split, pressures, theta, unit, norm, spectrum.iterations)

@@ -8,6 +8,8 @@ In the order in which data passes:
 - `multigrid_preconditioner`: Its preconditioner: a multigrid V-cycle over a hierarchy of levels.
 - `outer_iteration`: The outer loop: runs of conjugate gradients inside a float64 refinement, load
   case by load case.
+- `truncated_cg`: Conjugate gradients as far as an iteration around them wants them, of Newton's
+  method or for eigenvalues.
 - `minimum_residual`: Minimum residuals for symmetric matrices of any sign, with a definite
   preconditioner.
 """

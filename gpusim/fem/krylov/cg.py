@@ -62,6 +62,7 @@ class NumpyCG:
         self._x, self._p = np.zeros_like(residual), np.zeros_like(residual)
         self._beta, self._pq = np.zeros(len(residual)), np.zeros(len(residual))
         self._rz = self._precondition.down(self._r, range(len(residual)))
+        self._z: dict[int, Float] = {}
         return np.array(self._rz)
 
     def run(self, count: int, active: Bool) -> Float:
@@ -76,10 +77,10 @@ class NumpyCG:
 
     def _iterate(self, on: list[int]) -> Float:
         """One iteration of some load cases; their history (L,4)."""
-        z = self._precondition.up(on)
-        for case, one in zip(on, z, strict=True):
+        self._lift(on)
+        for case in on:
             self._p[case] *= self._beta[case]
-            self._p[case] += one
+            self._p[case] += self._z.pop(case)
         every = len(on) == len(self._p)
         p, rz = self._p if every else self._p[on], self._rz[on]
         q = self._apply(p)
@@ -94,9 +95,21 @@ class NumpyCG:
         self._rz[on], self._beta[on], self._pq[on] = after, beta, pq
         return np.stack([rz, alpha, beta, pq], axis=1)
 
+    def _lift(self, on: list[int]) -> None:
+        """z of some load cases, once."""
+        new = [case for case in on if case not in self._z]
+        if new:
+            self._z.update(zip(new, self._precondition.up(new), strict=True))
+
     def correction(self) -> Float:
         """The solution of this run so far, (L,n)."""
         return self._x.copy()
+
+    def preconditioned(self) -> Float:
+        """z = M^-1 r of what is left of the right-hand side, (L,n)."""
+        every = list(range(len(self._r)))
+        self._lift(every)
+        return np.stack([self._z[case] for case in every])
 
     def keep(self) -> None:
         """The correction has been added to the solution."""
@@ -170,6 +183,11 @@ class DeviceCG:
     def correction(self) -> Float:
         """The solution of this run so far, (L,n)."""
         return self._x.read()
+
+    def preconditioned(self) -> Float:
+        """z = M^-1 r of what is left of the right-hand side, (L,n)."""
+        z = self._z.read().reshape(self.cases, self.nodes + 1, 4)
+        return z[:, :-1, :3].reshape(self.cases, -1).astype(np.float64)
 
     def keep(self) -> None:
         """The correction has been added to the solution."""

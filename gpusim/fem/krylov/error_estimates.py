@@ -18,6 +18,17 @@ hierarchy, and from ``probe`` where that converges slowly. The bound assumes tha
 sits in the softest mode, so it is pessimistic for stiff load cases. It speaks of the root mean
 square; a single node may be off by more, most of all where soft and stiff parts meet.
 
+An estimate that is no bound goes by the softness of the error, displacement over energy norm.
+z = M^-1 r is what the preconditioner sees of the error, and its energy is sqrt(mu r.z) at least:
+its softness s = ||z|| / sqrt(mu r.z), and t, that of the last step, tell of the error's. Where s is
+more than t, softer motions come up than steps went along so far, and still softer ones may follow:
+
+    ||e|| ~ 2.5 max(t, s^2 / t) sqrt(r.z / mu)
+
+with the root mean square or the greatest displacement, whichever is more beside that of u. A load
+that moves the body as it is soft tells of all of that; one that doesn't, as a pull along a plate,
+leaves the bound.
+
 Conjugate gradients tell mu by their Ritz values as far as the right-hand side holds its mode, and a
 load may hold next to nothing of it, though it decides the displacement: a thin plate that is pulled
 along, and a little across. Noise in the forces holds every mode, and most of the soft ones
@@ -50,6 +61,11 @@ _FIRST = 10
 _RITZ, _RAYLEIGH = 2.0, 1.5
 # a Ritz value lies slightly above the eigenvalue that the bounds ask for
 BELOW = 0.9
+# how much more than by its softness an error may be (1.6 was the most on 200 bodies), and how much
+# less than the softest mode a load may move a body that is to tell of it
+_SHARP, _FELT = 2.5, 2.0
+# a run goes this far at least: after a few steps Ritz values tell little, and steps
+LOOSEST = 1e-3
 # a Ritz value below which the preconditioner is poor, and iterations per decimal beyond which it
 # is: the loads may not feel all soft modes then, either
 _POOR, _MANY = 0.03, 5.0
@@ -183,10 +199,12 @@ def probe(system: System, loop: Any, most: int, first: int = _FIRST, ritz: float
 @dataclass(frozen=True)
 class Norm:
     """The norm of the stopping rule, the sum of squares: ``lowest`` is the least eigenvalue of K';
-    ``sought``: soft modes have been looked for already, as ``probe`` does."""
+    ``sought``: soft modes have been looked for already, as ``probe`` does; ``share``: of the energy
+    of K' that the loop's own is sure to hold."""
 
     lowest: float
     sought: bool = False
+    share: float = 1.0
 
 
 class Estimates:
@@ -197,9 +215,12 @@ class Estimates:
         self.mu = np.full(len(system.right), np.inf)
         self.settled = np.ones(len(system.right), dtype=bool)
         self.given = system.prescribed * (system.scale / system.load_scale)[:, None, None]
-        self.lowest, self.probed = norm.lowest, False
+        self.lowest, self.probed = norm.lowest * norm.share, False
         # what a start was off by, where nothing sharper came to be known
         self.floor = np.zeros(len(system.right))
+        # softness of the last step, where one has been looked at; whether soft modes have been felt
+        self._last = np.full(len(system.right), np.inf)
+        self._felt = np.zeros(len(system.right), dtype=bool)
 
     def doubtful(self, iterations: int, tolerance: float) -> bool:
         """Whether there may be soft modes that the loads haven't told of, by a first run."""
@@ -222,13 +243,43 @@ class Estimates:
             lowest = smallest_ritz_value(history[:, case, 1], history[:, case, 2])
             self.mu[case] = min(self.mu[case], lowest)
 
-    def left(self, history: Float, rz: Float, x: Float) -> Float:
-        """Estimates (L,) by r.z after a run, which are above the bounds that stopped it; ``rz``
-        before it."""
-        for line in history:
-            # a case at rest has neither step nor change
-            rz = np.where(line[:, 1] > 0.0, line[:, 0] * line[:, 2], rz)
-        return self.by_rz(rz, x)
+    def energies(self, history: Float) -> tuple[Float, Float]:
+        """Bounds (L,) of ||e||_A after all steps of a run: the sharp one, and the one by r.z."""
+        mu = BELOW * self.mu
+        sharp = [energy_bound(history[:, case], mu[case]) for case in range(len(mu))]
+        return np.array(sharp), np.sqrt(np.maximum(history[-1, :, 0] * history[-1, :, 2], 0.0) / mu)
+
+    def follow(self, step: Float, correction: Float, history: Float, total: Float) -> None:
+        """The last step (L,N,3) of a run has led to this correction, and to ``total``."""
+        work = history[:, :, 0] * history[:, :, 1]
+        softness = self._softness(step, np.sqrt(np.maximum(work[-1], 0.0)), total)
+        # ||x_k||_A^2 is the sum of alpha r.z
+        energy = np.sqrt(self.norm.share * np.maximum(work.sum(axis=0), 0.0))
+        self._felt |= self.over(energy, extent(correction, even=False)) <= _FELT
+        # a case at rest took no step
+        self._last = np.where(work[-1] > 0.0, softness, self._last)
+
+    def by_softness(self, rz: Float, loop: Any, total: Float, enough: float) -> Float:
+        """Estimates (L,) by the softness of what is left to ``total``; infinite where there may be
+        motions that it doesn't tell of, or where it can't be within ``enough``."""
+        known = self._felt & (rz > 0.0) & np.isfinite(self._last) & (self.mu >= _POOR)
+        known &= not self.probed
+        rz, mu, last = (np.where(known, one, 1.0) for one in (rz, self.mu, self._last))
+        energy = np.sqrt(rz / (BELOW * mu))
+        known &= self.over(energy, self.size(total)) <= LOOSEST
+        known &= _SHARP * last * energy <= enough
+        if not known.any():
+            return np.full(len(rz), np.inf)
+        left = self._softness(loop.preconditioned().reshape(total.shape), np.sqrt(mu * rz), total)
+        return np.where(known, _SHARP * np.maximum(last, left / last * left) * energy, np.inf)
+
+    def _softness(self, part: Float, energy: Float, total: Float) -> Float:
+        """Of vectors (L,N,3) with energy norms (L,), beside the size of ``total``."""
+        sizes = np.stack([self.size(total), np.abs(total).max(axis=(1, 2))]) * energy
+        parts = np.stack([extent(part, even=False), np.abs(part).max(axis=(1, 2))])
+        return np.asarray(
+            np.divide(parts, sizes, out=np.full_like(parts, np.inf), where=sizes > 0.0).max(axis=0)
+        )
 
     def by_rz(self, rz: Float, x: Float) -> Float:
         """Estimates (L,) for the residual of x by ||e||_A <= sqrt(r.z / mu), infinite where no Ritz

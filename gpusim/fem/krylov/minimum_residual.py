@@ -18,8 +18,8 @@ def minimum_residual(
     right: Float,
     tolerance: float,
 ) -> tuple[Float, int]:
-    """x (n,) with A x = ``right`` (n,), and the iterations that it took (Paige & Saunders, SIAM J.
-    Numer. Anal. 12 (1975) 617, as Elman, Silvester & Wathen, Finite Elements and Fast Iterative
+    """x (1,n) with A x = ``right`` (1,n), and the iterations that it took (Paige & Saunders, SIAM
+    J. Numer. Anal. 12 (1975) 617, as Elman, Silvester & Wathen, Finite Elements and Fast Iterative
     Solvers, 2014, algorithm 4.1).
 
     It ends where sqrt(r . M^-1 r) is ``tolerance`` times what it began with, by recursion. (SciPy's
@@ -30,7 +30,7 @@ def minimum_residual(
     x = np.zeros_like(right)
     v_before, v = np.zeros_like(right), right.copy()
     z = precondition(v)
-    gamma = _root(float(v @ z))
+    gamma = _root(_dot(v, z))
     # what is left of the right-hand side, with the sign that rotations give it
     rest, first, gamma_before = gamma, gamma, 1.0
     sine, sine_before, cosine, cosine_before = 0.0, 0.0, 1.0, 1.0
@@ -40,10 +40,10 @@ def minimum_residual(
             return x, iteration
         z = z / gamma
         image = apply(z)
-        delta = float(image @ z)
+        delta = _dot(image, z)
         v_next = image - (delta / gamma) * v - (gamma / gamma_before) * v_before
         z_next = precondition(v_next)
-        gamma_next = _root(float(v_next @ z_next))
+        gamma_next = _root(_dot(v_next, z_next))
         # two old rotations, and a new one that makes the matrix triangular
         alpha_0 = cosine * delta - cosine_before * sine * gamma
         alpha_1 = float(np.hypot(alpha_0, gamma_next))
@@ -59,6 +59,10 @@ def minimum_residual(
         f"minimum residuals: got {_MOST_ITERATIONS} iterations; expected a residual of "
         f"{tolerance:.1e} of the first one before"
     )
+
+
+def _dot(a: Float, b: Float) -> float:
+    return float(np.vdot(a, b))
 
 
 def _root(square: float) -> float:

@@ -21,12 +21,11 @@ from gpusim.errors import NotConverged
 from gpusim.fem.assembly.stiffness_rounding import check_finite
 from gpusim.fem.assembly.system import System
 from gpusim.fem.krylov.error_estimates import (
-    BELOW,
+    LOOSEST,
     VISIBLE,
     Estimates,
     Norm,
     RoundingError,
-    energy_bound,
     extent,
     rounded,
 )
@@ -42,8 +41,6 @@ _ENOUGH = 0.95
 # ratio of stiffnesses from node to node beyond which the loads may not feel all soft modes, and
 # how much closer to go there
 UNEVEN_STIFFNESS, _UNEVEN_AIM = 1e3, 0.03
-# a run goes this far at least: after a few steps Ritz values tell little
-_LOOSEST = 1e-3
 # share of the tolerance within which a start counts as right by what its residual may do: the least
 # eigenvalue that this rests on may be several times too large
 _NEAR = 0.1
@@ -141,7 +138,7 @@ class _Refinement:
         self.iterations = 0
         self._histories: list[Float] = []
         self._first: Float | None = None
-        self._inside, self._note = min(tolerance, _LOOSEST), ""
+        self._inside, self._note = min(tolerance, LOOSEST), ""
         if system.contrast > UNEVEN_STIFFNESS:
             self._note = self._state.probe(loop, most)
             self._inside *= _UNEVEN_AIM
@@ -181,7 +178,8 @@ class _Refinement:
             self._first = rz if self._first is None else self._first
             if refinement or self._begun:
                 before = self._estimate
-                self._estimate = estimate = state.by_rz(rz, x)
+                softness = state.by_softness(rz, loop, self.total, tolerance)
+                self._estimate = estimate = np.minimum(state.by_rz(rz, x), softness)
                 if bool((estimate <= tolerance).all()):
                     self._message = "converged"
                     break
@@ -202,12 +200,11 @@ class _Refinement:
             off = state.apart(residual, np.zeros_like(residual), x)
             near = off <= _NEAR * tolerance
             state.floor = np.where(near & ~np.isfinite(state.mu), off, state.floor)
-            correction, history, inside = self._conjugate_gradients(
+            correction, history, inside, remaining = self._conjugate_gradients(
                 system, rz, near, aim * self._inside, _ENOUGH * tolerance
             )
             self._x, self._image, self._begun = x + correction, None, True
             loop.keep()
-            remaining = state.left(history, rz, self._x)
             size = state.size(self.total)
             drift = extent(correction, even=False) / np.where(size > 0.0, size, 1e-300)
             self.iterations += len(history)
@@ -220,24 +217,25 @@ class _Refinement:
 
     def _conjugate_gradients(
         self, system: System, rz: Float, near: Bool, aim: float, enough: float
-    ) -> tuple[Float, Float, Float]:
+    ) -> tuple[Float, Float, Float, Float]:
         """One run from the residual that the loop holds, whose r.z are ``rz``; returns (correction,
-        history, estimate).
+        history, estimate, what to state).
 
-        It ends where the sharp bound is at ``aim``, and the plain one by r.z, which the caller goes
-        by, at ``enough``: another run for the rest would begin anew. Where supports are moved, or
-        there is a start, a first one must have come far for its own correction, too: beside a far
-        motion, or a start that is nearly right, any correction is small, and its Ritz values would
-        tell nothing of the soft modes. Cases that are known to be ``near`` (L,) needn't.
+        It ends where the sharp bound is at ``aim``, and the plain one by r.z, which is stated, at
+        ``enough``, or the softness of what is left says so: another run for the rest would begin
+        anew. Where supports are moved, or there is a start, a first one must have come far for its
+        own correction, too: beside a far motion, or a start that is nearly right, any correction is
+        small, and its Ritz values would tell nothing of the soft modes. Cases that are known to be
+        ``near`` (L,) needn't.
         """
         loop, state, x, most = self._loop, self._state, self._x, self._most - self.iterations
         history = np.zeros((0, len(rz), 4))
         moved = state.given.any(axis=(1, 2)) | x.any(axis=(1, 2))
-        fresh = ~np.isfinite(state.mu) & moved & ~near
+        told = np.isfinite(state.mu)
+        fresh = ~told & moved & ~near
         active = rz > 0.0
-        estimate = np.full(len(rz), np.inf)
-        estimate[~active] = 0.0
-        plain = estimate.copy()
+        estimate = np.where(active, np.inf, 0.0)
+        stated = estimate.copy()
         correction, base = np.zeros_like(system.right), x + state.given
         while active.any() and len(history) < most:
             lines = loop.run(1, active)
@@ -252,20 +250,24 @@ class _Refinement:
             _refuse_indefinite(system, (active & (lines[:, :, 2] < 0.0)).any(axis=0))
             history = np.concatenate([history, lines])
             state.learn(history)
-            correction = loop.correction().reshape(x.shape)
-            energy, by_residual = np.zeros(len(rz)), np.zeros(len(rz))
-            for case in np.flatnonzero(active):
-                energy[case] = energy_bound(history[:, case], BELOW * state.mu[case])
-                last = history[-1, case]
-                by_residual[case] = np.sqrt(last[0] * last[2] / (BELOW * state.mu[case]))
-            size = state.size(base + correction)
+            before, correction = correction, loop.correction().reshape(x.shape)
+            total = base + correction
+            size, (energy, by_residual) = state.size(total), state.energies(history)
             estimate = np.where(active, state.over(energy, size), estimate)
-            plain = np.where(active & (energy > 0.0), state.over(by_residual, size), estimate)
-            far_enough = ~fresh | (state.over(energy, extent(correction, even=False)) <= _LOOSEST)
-            active &= ~((estimate <= aim) & (plain <= enough) & far_enough)
+            stated = np.where(active, state.over(by_residual, size), stated)
+            far = state.over(energy, extent(correction, even=False)) <= LOOSEST
+            done = (estimate <= aim) & (stated <= enough)
+            if (active & (far | told) & ~done).any():
+                state.follow(correction - before, correction, history, total)
+                rz = history[-1, :, 0] * history[-1, :, 2]
+                softness = state.by_softness(rz, loop, total, enough)
+                softness = np.where(active & (far | told), softness, np.inf)
+                estimate, stated = np.minimum(estimate, softness), np.minimum(stated, softness)
+                done |= softness <= enough
+            active &= ~(done & (far | ~fresh))
             if self._progress is not None:
                 self._progress(self.iterations + len(history), float(estimate.max()))
-        return correction, history, estimate
+        return correction, history, estimate, stated
 
     def outcome(self, system: System, rounding: float) -> Outcome:
         """By the form of the system refined last; ``rounding`` is added to the estimate."""

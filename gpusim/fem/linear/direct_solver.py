@@ -7,17 +7,24 @@ from dataclasses import replace
 from gpusim.arrays.array_types import Float
 from gpusim.fem.assembly.assembly import Assembled
 from gpusim.fem.assembly.system import System
-from gpusim.fem.direct_solvers.iterative_refinement import corrected, refine
+from gpusim.fem.direct_solvers.iterative_refinement import refine
+from gpusim.fem.krylov.cg import Preconditioner
 from gpusim.fem.krylov.outer_iteration import Outcome
 from gpusim.fem.linear.solve_plan import Direct, Options
 
 
-class DirectSolver:
+class DirectSolver(Preconditioner):
     """Factors that ``direct`` builds; ``note`` follows its description in messages."""
 
     def __init__(self, direct: Direct, note: str = "") -> None:
+        super().__init__()
         self._direct, self._note = direct, note
         self._factor = direct.build(direct.rows)
+
+    @property
+    def preconditioner(self) -> Preconditioner:
+        """The factors themselves."""
+        return self
 
     def apply(self, r: Float) -> Float:
         """K^-1 r for (L,3N) r; zero on fixed unknowns."""
@@ -32,14 +39,6 @@ class DirectSolver:
         message = f"{outcome.message} ({self._direct.description}{self._note})"
         return replace(outcome, message=message, method="direct")
 
-    def step(self, system: System, options: Options) -> tuple[Float, int] | None:
-        """The solution of a tangent as a step of Newton's method wants it, and how often was
-        solved; None where the factors don't fit it."""
-        return corrected(system, self._factor, options.tolerance)
-
     def update(self, assembled: Assembled, system: System, points: Float) -> None:
         """Factorise another matrix of the same pattern, in the same order."""
         self._factor = self._direct.build(assembled.rows)
-
-    def follow(self, assembled: Assembled, system: System) -> None:
-        """Refine with another matrix, that is near to the one factorised."""

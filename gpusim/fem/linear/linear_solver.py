@@ -10,6 +10,7 @@ from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.assembly import Assembled
 from gpusim.fem.assembly.system import System
+from gpusim.fem.krylov.cg import Preconditioner
 from gpusim.fem.krylov.outer_iteration import Outcome
 from gpusim.fem.linear.device_solver import solve_on_device
 from gpusim.fem.linear.direct_solver import DirectSolver
@@ -26,6 +27,10 @@ class LinearSolver(Protocol):
     """Of K on its free unknowns; prepared once, used often, and ``update`` takes another matrix of
     the same pattern. Everything is over the system's ``scale``."""
 
+    @property
+    def preconditioner(self) -> Preconditioner:
+        """Nearly K^-1, of matrices that are near to K as well."""
+
     def apply(self, r: Float) -> Float:
         """(L,3N) nearly K^-1 r, symmetric and positive definite; zero where fixed."""
 
@@ -34,9 +39,6 @@ class LinearSolver(Protocol):
 
     def update(self, assembled: Assembled, system: System, points: Float) -> None:
         """Take the values of another matrix, whose nodes are at ``points`` (N,3) by now."""
-
-    def follow(self, assembled: Assembled, system: System) -> None:
-        """Solve with another matrix that is near to the last one, by what was made of that."""
 
 
 def solve_system(

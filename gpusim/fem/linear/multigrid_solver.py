@@ -10,15 +10,13 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.arrays.unique import noise
 from gpusim.fem.assembly.assembly import Assembled
-from gpusim.fem.assembly.system import System, finest_product
-from gpusim.fem.krylov.cg import NumpyCG
+from gpusim.fem.assembly.system import System
+from gpusim.fem.krylov.cg import NumpyCG, Preconditioner
 from gpusim.fem.krylov.error_estimates import Norm, RoundingError
 from gpusim.fem.krylov.multigrid_preconditioner import Multigrid
 from gpusim.fem.krylov.outer_iteration import Outcome, Progress, each_case, iterate
-from gpusim.fem.lattice.stencil import StencilProduct
 from gpusim.fem.linear.solve_plan import Options, SolvePlan
-from gpusim.fem.multigrid.hierarchy import build_hierarchy
-from gpusim.fem.sparse.matrix_product import Product
+from gpusim.fem.multigrid.hierarchy import build_hierarchy, rebuilt
 
 _MOST_ITERATIONS = 1000
 # of inverse iteration
@@ -33,7 +31,6 @@ class MultigridSolver:
     plan: SolvePlan
     system: System
     multigrid: Multigrid
-    product: Product | StencilProduct
 
     @classmethod
     def prepare(
@@ -48,28 +45,28 @@ class MultigridSolver:
             inverted=plan.on_device,
             uneven_stiffness=plan.uneven_stiffness,
         )
-        multigrid = Multigrid(hierarchy)
-        return cls(plan, system, multigrid, multigrid.product)
+        return cls(plan, system, Multigrid(hierarchy))
+
+    @property
+    def preconditioner(self) -> Preconditioner:
+        """One cycle."""
+        return self.multigrid
 
     def apply(self, r: Float) -> Float:
         """Nearly K^-1 r for (L,3N) r; zero on fixed unknowns."""
         return self.multigrid.apply(r)
 
     def update(self, assembled: Assembled, system: System, points: Float) -> None:
-        """Levels of another matrix of the same pattern."""
-        fresh = self.prepare(self.plan, assembled, system, points)
-        self.system, self.multigrid, self.product = system, fresh.multigrid, fresh.product
-
-    def follow(self, assembled: Assembled, system: System) -> None:
-        """Iterate with another matrix, that is near to the one of the levels."""
-        self.system, self.product = system, finest_product(assembled.rows, system)
+        """Levels of another matrix of the same pattern, with the same aggregates."""
+        hierarchy = rebuilt(self.multigrid.hierarchy, assembled.rows, system, points)
+        self.system, self.multigrid = system, Multigrid(hierarchy)
 
     def solve(self, system: System, options: Options) -> Outcome:
         """Displacements under the loads of the system, to the error that is asked for."""
         lowest = self.lowest_eigenvalue()
 
         def one(part: System, start: Float | None, progress: Progress | None) -> Outcome:
-            loop = NumpyCG(self.product, self.multigrid)
+            loop = NumpyCG(self.multigrid.product, self.multigrid)
             case = replace(options, start=start, progress=progress)
             return self.iterated(part, loop, lowest, case)
 
@@ -102,4 +99,4 @@ class MultigridSolver:
         for _ in range(_INVERSE_STEPS):
             x = self.multigrid.apply(x)
             x /= np.linalg.norm(x)
-        return min(lowest, float(x[0] @ self.product(x)[0] / (x[0] @ x[0])))
+        return min(lowest, float(x[0] @ self.multigrid.product(x)[0] / (x[0] @ x[0])))

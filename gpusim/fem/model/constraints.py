@@ -21,7 +21,7 @@ from gpusim.fem.model.loads import node_numbers
 from gpusim.field_summary import field_summary
 from gpusim.mesh import Faces, Mesh
 from gpusim.mesh.nearest_places import nearest_on_surface
-from gpusim.validation import require, require_one_of
+from gpusim.validation import require, require_one_of, unmasked
 
 # shares of a place below this are rounding
 _ROUNDING = 1e-12
@@ -29,6 +29,7 @@ _ROUNDING = 1e-12
 NEAR = 0.025
 
 
+@unmasked()
 @dataclass(frozen=True, eq=False)
 class Equations:
     """Linear equations that displacements obey: ``matrix`` times u, flattened, equals ``right``.
@@ -50,6 +51,10 @@ class Equations:
     right: Float
     __repr__ = field_summary
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "matrix", csr_matrix(self.matrix, dtype=np.float64))
+        object.__setattr__(self, "right", np.array(self.right, dtype=np.float64))
+
     @classmethod
     def build(
         cls, rows: Sequence[tuple[Sequence[int], Sequence[float], float]], unknowns: int
@@ -59,12 +64,12 @@ class Equations:
         column = np.concatenate([columns for columns, _, _ in rows])
         factor = np.concatenate([factors for _, factors, _ in rows])
         matrix = coo_matrix((factor, (number, column)), shape=(len(rows), unknowns)).tocsr()
-        return cls(matrix, np.array([right for _, _, right in rows], dtype=np.float64))
+        return cls(matrix, np.array([right for _, _, right in rows]))
 
     def renumbered(self, order: Long) -> Equations:
         """The same where the k-th node is node ``order[k]`` (N,) of this one."""
         columns = (3 * order[:, None] + np.arange(3)).ravel()
-        return Equations(csr_matrix(self.matrix[:, columns]), self.right)
+        return Equations(self.matrix[:, columns], self.right)
 
 
 def equations(
@@ -95,7 +100,8 @@ def equations(
         for node, axis, factor in terms:
             require_one_of(f"{where}: axis", axis, ("x", "y", "z"))
             expected = f"0 … {mesh.node_count - 1}"
-            require(0 <= node < mesh.node_count, f"{where}: node", node, expected)
+            fits = 0 <= node < mesh.node_count and node == int(node)
+            require(fits, f"{where}: node", node, expected)
             columns.append(3 * int(node) + "xyz".index(axis))
             factors.append(float(factor))
         require(bool(columns), f"{where}: no terms", "none", "at least one")
@@ -106,6 +112,7 @@ def equations(
     return Equations.build(built, 3 * mesh.node_count)
 
 
+@unmasked()
 def tie(
     mesh: Mesh,
     faces: Faces,
@@ -116,7 +123,8 @@ def tie(
     """Nodes that follow faces, as if glued to them, for ``Model.constraints``.
 
     Each node's displacement is that of the nearest point of the faces, by the shape functions of
-    the face that holds it. Let the finer mesh follow the coarser one.
+    the face that holds it. Let the finer mesh follow the coarser one: the other way around stress
+    beside the joint is several times as far off.
 
     faces : the surface that is followed, in parts of the mesh that needn't be connected to others.
     nodes : (n,) node numbers, or the faces whose nodes follow. Those that ``faces`` have, too, move

@@ -55,11 +55,9 @@ class Elimination:
         """u (L,N,3) of v."""
         return np.asarray((self.matrix @ v.reshape(len(v), -1).T).T.reshape(v.shape))
 
-    def forces(self, forces: Float) -> Float:
+    def forces(self, f: Float) -> Float:
         """What forces (L,N,3) on u do to v."""
-        return np.asarray((self.matrix.T @ forces.reshape(len(forces), -1).T).T).reshape(
-            forces.shape
-        )
+        return np.asarray((self.matrix.T @ f.reshape(len(f), -1).T).T.reshape(f.shape))
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,9 +150,7 @@ def _own_unknowns(rows: csr_matrix, share: float) -> Long:
     largest factor: of several the one with the largest; -1 where there is none."""
     count = np.bincount(rows.indices, minlength=rows.shape[1])
     row = np.repeat(np.arange(rows.shape[0]), np.diff(rows.indptr))
-    size = np.abs(rows.data)
-    largest = np.zeros(rows.shape[0])
-    np.maximum.at(largest, row, size)
+    size, largest = np.abs(rows.data), abs(rows).max(axis=1).toarray().ravel()
     good = np.flatnonzero((count[rows.indices] == 1) & (size >= share * largest[row]))
     column = np.full(rows.shape[0], -1, dtype=np.int64)
     # the largest one of a row is written last
@@ -171,9 +167,9 @@ def _coupled(unknown: csr_matrix, rest: Long, residual: Float, level: Float) -> 
     used = core.getnnz(axis=1) > 0
     _refuse_contradictions(residual[rest[~used]], level[rest[~used]])
     rest, core = rest[used], core[used]
-    count, none = len(rest), np.zeros(0, dtype=np.int64)
+    count = len(rest)
     if not count:
-        return _Pivots(none, none, csr_matrix((0, 0)))
+        return _Pivots(rest, rest, csr_matrix((0, 0)))
     # equations and unknowns as the nodes of a graph
     graph = bmat([[None, core], [csr_matrix(core.T), None]])
     part = connected_components(graph, directed=False)[1][:count]
@@ -183,29 +179,30 @@ def _coupled(unknown: csr_matrix, rest: Long, residual: Float, level: Float) -> 
         got, expected = f"{len(members)} that share all", f"at most {_MOST_COUPLED}"
         require(len(members) <= _MOST_COUPLED, "constraints: equations", got, expected)
         equations = rest[members]
-        pivots, keep = _pivots(core[members], residual[equations], level[equations])
+        keep, pivots, inverse = _pivots(core[members], residual[equations], level[equations])
         rows.append(equations[keep])
         columns.append(pivots)
-        inverses.append(inv(unknown[equations[keep]][:, pivots].toarray()))
-    inverse: csr_matrix = csr_matrix(block_diag(inverses, format="csr"))
-    return _Pivots(np.concatenate(rows), np.concatenate(columns), inverse)
+        inverses.append(inverse)
+    whole: csr_matrix = csr_matrix(block_diag(inverses, format="csr"))
+    return _Pivots(np.concatenate(rows), np.concatenate(columns), whole)
 
 
-def _pivots(rows: csr_matrix, residual: Float, level: Float) -> tuple[Long, Bool]:
-    """Columns to give up and the mask of equations that say something new."""
+def _pivots(rows: csr_matrix, residual: Float, level: Float) -> tuple[Bool, Long, Float]:
+    """Mask of the equations that say something new, the unknowns to give up for them, and the
+    inverse of the factors that they have there."""
     keep = np.zeros(rows.shape[0], dtype=bool)
-    used = np.unique(rows.indices)
-    dense = rows[:, used].toarray()
+    used, place = np.unique(rows.indices, return_inverse=True)
+    dense = csr_matrix((rows.data, place, rows.indptr), (len(keep), len(used))).toarray()
     length = np.linalg.norm(dense, axis=1)[:, None]
     dense, residual, level = dense / length, residual / length, level / length
     triangle, order = qr(dense.T, mode="r", pivoting=True)
     diagonal = np.abs(np.diag(triangle))
     keep[order[: int((diagonal > _DEPENDENT * diagonal[0]).sum())]] = True
-    pivot = qr(dense[keep], mode="r", pivoting=True)[1]
+    pivot = qr(dense[keep], mode="r", pivoting=True)[1][: int(keep.sum())]
     # the others must follow from those kept
     mixed, *_ = np.linalg.lstsq(dense[keep].T, dense[~keep].T, rcond=None)
     _refuse_contradictions(mixed.T @ residual[keep] - residual[~keep], level.max(initial=0.0))
-    return used[pivot[: int(keep.sum())]].astype(np.int64), keep
+    return keep, used[pivot].astype(np.int64), inv(dense[keep][:, pivot]) / length[keep].T
 
 
 def _refuse_contradictions(difference: Float, level: Float | float) -> None:

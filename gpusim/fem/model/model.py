@@ -13,7 +13,7 @@ from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.materials.law import Material
 from gpusim.fem.model.constraints import Equations, checked_constraints, touched
-from gpusim.fem.model.following_loads import FollowerPressure
+from gpusim.fem.model.follower_loads import FollowerPressure
 from gpusim.field_summary import field_summary
 from gpusim.mesh import Mesh
 from gpusim.validation import as_float64, require, require_one_of, unmasked
@@ -133,17 +133,20 @@ def _materials(given: Any) -> tuple[Material, ...]:
     """A single material as a list of one. Raises InputError naming what is none."""
     if _is_material(given):
         return (given,)
-    expected = "expected Isotropic or Orthotropic, or a list of them"
-    if not isinstance(given, Iterable):
-        raise InputError(f"Model.materials: got {type(given).__name__}; {expected}")
+    expected = "expected Isotropic, Orthotropic or another law, or a list of them"
+    if isinstance(given, type) or not isinstance(given, Iterable):
+        raise InputError(f"Model.materials: got {_kind(given)}; {expected}")
     materials = tuple(given)
     if not materials:
         raise InputError(f"Model.materials: got none; {expected}")
     for number, one in enumerate(materials):
         if not _is_material(one):
-            got = f"the class {one.__name__}" if isinstance(one, type) else type(one).__name__
-            raise InputError(f"Model.materials[{number}]: got {got}; {expected}")
+            raise InputError(f"Model.materials[{number}]: got {_kind(one)}; {expected}")
     return materials
+
+
+def _kind(thing: Any) -> str:
+    return f"the class {thing.__name__}" if isinstance(thing, type) else type(thing).__name__
 
 
 def _is_material(thing: Any) -> bool:

@@ -15,6 +15,8 @@ from gpusim.field_summary import field_summary
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from gpusim.fem.recovery.stress import Stress
+
 
 @dataclass(frozen=True)
 class Iteration:
@@ -35,7 +37,8 @@ class LoadStep:
 
     ``u`` (N,3); ``reactions`` (N,3) forces of the supports; ``iterations`` of Newton's method,
     those of the ``substeps`` on the way included; ``error_estimate`` relative, of the greatest
-    displacement; ``wanted``: asked for, and not a point on the way past a limit point.
+    displacement; ``wanted``: asked for, and not a point on the way past a limit point. ``stress``:
+    of steps that are wanted, Cauchy stress and logarithmic strain (`gpusim.fem.Stress`).
     """
 
     factors: Float
@@ -45,6 +48,7 @@ class LoadStep:
     error_estimate: float
     substeps: int
     wanted: bool
+    stress: Stress | None = None
     __repr__ = field_summary
 
 

@@ -75,7 +75,7 @@ def follow_path(
                 raise NotConverged(f"by arc length: {error}") from None
             continue
         u, s, before, cuts = u + du, s + ds, du, 0
-        equation.commit(u)
+        equation.commit(u, path.factors(s))
         yield PathPoint(s, u, tuple(iterations))
         change = np.sqrt(_WANTED / len(iterations))
         length *= float(np.clip(change, 1.0 / _CHANGE, _CHANGE))

@@ -87,7 +87,7 @@ def _by_halving(
             if share < _LEAST_SHARE:
                 raise
             continue
-        equation.commit(found.u)
+        equation.commit(found.u, factors)
         stepping.move(end, found.u, found.iterations)
         in_a_row += 1
         if in_a_row == 2:
@@ -103,7 +103,7 @@ def _by_arc_length(
         stepping.move(point.s, point.u, point.iterations)
         if point.s >= 1.0:
             found = equilibrium(equation, solver, point.u, path.target, controls)
-            equation.commit(found.u)
+            equation.commit(found.u, path.target)
             stepping.move(1.0, found.u, found.iterations)
             return
         yield point

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gpusim.arrays.array_types import Float
@@ -16,6 +18,7 @@ from gpusim.fem.model.model import Model
 from gpusim.fem.model.solution import LoadStep, Solution
 from gpusim.fem.procedures.load_steps import load_steps
 from gpusim.fem.procedures.newton import Controls
+from gpusim.fem.recovery.cauchy_stress import cauchy_stress
 
 # relative accuracy of linear solutions where all laws are elastic, and where points flow
 _FORCING, _PLASTIC_FORCING = 1e-4, 1e-2
@@ -41,6 +44,9 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
     message = "converged"
     try:
         for step in load_steps(equation, solver, targets, controls):
+            if step.wanted:
+                found = cauchy_stress(model, responses, step.u, options.formulation)
+                step = replace(step, stress=found)
             steps.append(step)
     except NotConverged as error:
         if not steps:

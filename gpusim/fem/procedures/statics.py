@@ -1,4 +1,12 @@
-"""Statics: displacements of a model, by linear theory or at large displacements."""
+"""Statics: displacements of a model, by linear theory or at large displacements.
+
+Long or small bodies are factorised on the host (``gpusim.fem.direct_solvers``) and refined with
+float64 residuals. Everything else takes conjugate gradients in float64 (double-single where the
+device has no 64-bit floats), preconditioned by multigrid, until the residual f - K u, formed in
+float64 on the host, is small enough. Load cases share the set-up; a device iterates them at once,
+the host side by side (on Linux, in copies of the process: ``gpusim.parallel.processes``). Large
+displacements are found step by step on the host (``nonlinear_static``).
+"""
 
 from __future__ import annotations
 
@@ -21,6 +29,7 @@ from gpusim.fem.procedures.linear_static import linear_static
 from gpusim.fem.procedures.nonlinear_static import nonlinear_static
 from gpusim.gpu import Device
 from gpusim.parallel.blas_threads import one_blas_thread
+from gpusim.parallel.machine import keep_freed_memory
 from gpusim.validation import finite_numbers, require, require_one_of, unmasked
 
 GEOMETRIES = ("linear", "nonlinear")
@@ -43,17 +52,12 @@ def solve(
 ) -> Solution:
     """Displacements of a static model, by linear theory or at large displacements.
 
-    Long or small bodies are factorised on the host (``gpusim.fem.direct_solvers``) and refined with
-    float64 residuals. Everything else takes conjugate gradients in float64 (double-single where the
-    device has no 64-bit floats), preconditioned by multigrid, until the residual f - K u, formed in
-    float64 on the host, is small enough. Load cases share the set-up; a device iterates them at
-    once, the host side by side (on Linux, in copies of the process: ``gpusim.parallel.processes``).
-    Which way is cheaper is estimated from the mesh; ``Solution.method`` and ``message`` say it.
+    By linear theory K u = f, to a stated error; which solver is cheaper is estimated from the mesh
+    (``Solution.method``, ``message``).
 
     At large displacements each load step is an equilibrium found by Newton's method; steps that
-    fail are halved, and limit points are passed by arc length. Cells of `Isotropic` and
-    `Orthotropic` are linear elements that turn with their mean rotation: displacements and
-    rotations may be any, strains some per cent at most. Other laws hold for any strain.
+    fail are halved, limit points are passed by arc length. Cells of `Isotropic` and `Orthotropic`
+    turn with their mean rotation and strain by 2 % at most; other laws hold for any strain.
 
     Parameters
     ----------
@@ -78,8 +82,7 @@ def solve(
     Raises
     ------
     InputError
-        A wrong argument; supports and constraints that leave a rigid-body motion free (named), or
-        contradict each other.
+        A wrong argument; supports and constraints that leave a rigid-body motion free (named).
     NotConverged
         Values that aren't finite, negative curvature, or a matrix that rounding made indefinite;
         no equilibrium at the first load step. One that is missing later ends the analysis: the
@@ -102,31 +105,35 @@ def solve(
     >>> [f"{step.u[:, 2].max():.3f}" for step in steps]  # 0.942 at factor 1 by linear theory
     ['0.391', '0.582']
     """
-    clock = Clock()
     _check_arguments(model, device, tolerance, backend, max_iterations, method, progress)
     require_one_of("solve: geometry", geometry, GEOMETRIES)
-    linear = geometry == "linear"
-    if linear:
+    if geometry == "linear":
         _refuse_finite_strain(model)
+    targets = None if geometry == "linear" else _targets(model, factors)
+    keep_freed_memory()
+    options = Options(method, device, backend, tolerance, max_iterations, _start(model, start),
+                      progress, resolve_formulation(model, formulation), Clock())  # fmt: skip
     # sums by several threads of BLAS aren't worth their waiting; the work is shared out above it
     with one_blas_thread():
-        lattice = model_lattice(model)
-        check_supports(model, lattice)
-        formulations = resolve_formulation(model, formulation)
-        begin = _start(model, start)
-        targets = None if linear else _targets(model, factors)
-        numbering, asked = None if lattice is not None else Numbering.of(model), model
-        if numbering is not None:
-            model = numbering.renumbered(model)
-            begin = None if begin is None else numbering.forward(begin)
-        options = Options(method, device, backend, tolerance, max_iterations, begin, progress,
-                          formulations, clock)  # fmt: skip
-        clock.mark("check")
-        if targets is None:
-            solution = linear_static(model, lattice, options)
-        else:
-            solution = nonlinear_static(model, targets, options)
-        return solution if numbering is None else replace(numbering.back(solution), model=asked)
+        return _solved(model, targets, options)
+
+
+def _solved(model: Model, targets: Float | None, options: Options) -> Solution:
+    """At the factors ``targets`` (K,L), or by linear theory; nodes are numbered anew where that is
+    quicker."""
+    lattice = model_lattice(model)
+    check_supports(model, lattice)
+    numbering, own = None if lattice is not None else Numbering.of(model), model
+    if numbering is not None:
+        own = numbering.renumbered(model)
+        begin = None if options.start is None else numbering.forward(options.start)
+        options = replace(options, start=begin)
+    options.clock.mark("check")
+    if targets is None:
+        solution = linear_static(own, lattice, options)
+    else:
+        solution = nonlinear_static(own, targets, options)
+    return solution if numbering is None else replace(numbering.back(solution), model=model)
 
 
 def _check_arguments(

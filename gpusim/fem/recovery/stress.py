@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from types import MappingProxyType
 
@@ -45,6 +45,7 @@ class Stress:
         no cell.
     cell : (M,6) volume mean of each cell, cells in the mesh's order.
     volume, energy : (M,) of each cell; energy is that of the stress, s.C^-1.s/2.
+    plastic_strains : (P,) accumulated plastic strain likewise; None without plasticity.
     error : (M,) energy norm of the difference between the averaged and the cell's own stress,
         the indicator of Zienkiewicz & Zhu, IJNME 24 (1987) 337: sqrt of the integral of
         (s* - s).C^-1.(s* - s).
@@ -68,7 +69,34 @@ class Stress:
     volume: Float
     energy: Float
     error: Float
+    plastic_strains: Float | None = None
     __repr__ = field_summary
+
+    @cached_property
+    def nodal_strain(self) -> Float:
+        """(N,6) strain that belongs to ``nodal``, as tensor components."""
+        result = self._telling(self.strains)
+        result[:, 3:] *= 0.5
+        return result
+
+    @cached_property
+    def nodal_plastic_strain(self) -> Float | None:
+        """(N,) accumulated plastic strain where ``nodal`` is; None without plasticity."""
+        return None if self.plastic_strains is None else self._telling(self.plastic_strains)
+
+    def _telling(self, values: Float) -> Float:
+        """(N,…) of values (P,…) those where the von Mises stress of a node is greatest."""
+        result = np.zeros((len(self.nodal), *values.shape[1:]))
+        order = np.argsort(von_mises(self.values), kind="stable")
+        # the last one written is the greatest
+        result[self.node_of[order]] = values[order]
+        return result
+
+    def renumbered(self, order: Long) -> Stress:
+        """Of a mesh in which node k is number ``order[k]``."""
+        nodal = np.empty_like(self.nodal)
+        nodal[order] = self.nodal
+        return replace(self, node_of=order[self.node_of], nodal=nodal)
 
     @cached_property
     def von_mises(self) -> Float:
@@ -168,11 +196,11 @@ def stress(
     change = None if temperature is None else linear_temperature("stress", model.mesh, temperature)
     # the work is shared out above BLAS
     with one_blas_thread():
-        return _Recovery(model, field, resolve_formulation(model, formulation), change).run()
+        return Recovery(model, field, resolve_formulation(model, formulation), change).run()
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
+class Part:
     """Some cells of one type, with what is needed of them."""
 
     kind: str
@@ -181,7 +209,9 @@ class _Part:
     block: Int
 
 
-class _Recovery:
+class Recovery:
+    """Stress at the points of all cells, and its averages at nodes."""
+
     def __init__(
         self, model: Model, u: Float, formulation: Mapping[str, str], change: Float | None
     ) -> None:
@@ -208,15 +238,8 @@ class _Recovery:
         self.node_of, self.material_of = np.divmod(keys, len(self.moduli))
 
     def run(self) -> Stress:
-        count = np.zeros((len(self.node_of), 1))
-        total = np.zeros((len(self.node_of), 6))
-        # parts are worked on side by side, but added up in order: the same bits in every run
-        parts = list(self._parts())
-        for part, at_nodes in zip(parts, shared(self._recover, parts), strict=True):
-            pair = self.pairs[part.kind][part.cells]
-            add_to(total, pair, at_nodes)
-            add_to(count, pair, np.ones((*pair.shape, 1)))
-        total /= count
+        parts = list(self.parts())
+        total = self.averaged(parts, self._recover, 6)
         error = np.concatenate(shared(partial(self._error, total), parts))
         for array in self.points.values():
             array.setflags(write=False)
@@ -226,6 +249,7 @@ class _Recovery:
             material_of=self.material_of,
             values=total,
             strains=self._strains(total),
+            plastic_strains=self._plastic_strains(),
             nodal=self._nodal(total),
             cell=self.cell,
             volume=self.volume,
@@ -233,21 +257,42 @@ class _Recovery:
             error=error,
         )
 
-    def _parts(self) -> Iterator[_Part]:
+    def averaged(
+        self, parts: Sequence[Part], at_nodes: Callable[[Part], Float], count: int
+    ) -> Float:
+        """(P,count) means over the cells of one material at a node, of their values (M,k,count)."""
+        cells = np.zeros((len(self.node_of), 1))
+        total = np.zeros((len(self.node_of), count))
+        # parts are worked on side by side, but added up in order: the same bits in every run
+        for part, values in zip(parts, shared(at_nodes, parts), strict=True):
+            pair = self.pairs[part.kind][part.cells]
+            add_to(total, pair, values)
+            add_to(cells, pair, np.ones((*pair.shape, 1)))
+        total /= cells
+        return total
+
+    def extrapolated(self, part: Part, values: Float) -> Float:
+        """(M,k,…) at the nodes of some cells, of values (M,Q,…) at their points."""
+        rule = ELEMENTS[part.kind].rule(self.formulation[part.kind])
+        return np.asarray(
+            np.matmul(_to_points(part.kind, rule, reference_nodes(part.kind)), values)
+        )
+
+    def parts(self) -> Iterator[Part]:
         for kind, first, block in self.model.mesh.blocks():
             for start in range(0, len(block), _CHUNK):
                 end = min(start + _CHUNK, len(block))
-                yield _Part(kind, slice(start, end), slice(first + start, first + end),
+                yield Part(kind, slice(start, end), slice(first + start, first + end),
                             block[start:end])  # fmt: skip
 
-    def _of_cells(self, table: Float, part: _Part) -> Float:
+    def _of_cells(self, table: Float, part: Part) -> Float:
         """Rows of a table by material: one row if all cells have the same, else (M,…)."""
         materials = self.material[part.numbers]
         return np.asarray(
             table[materials[0]] if (materials == materials[0]).all() else table[materials]
         )
 
-    def _recover(self, part: _Part) -> Float:
+    def _recover(self, part: Part) -> Float:
         """Everything of some cells; returns their stress at the nodes (M,k,6)."""
         values, weight = self._points(part)
         self.points[part.kind][part.cells] = values
@@ -255,12 +300,9 @@ class _Recovery:
         mean = (values * weight[..., None]).sum(axis=1) / weight.sum(axis=1)[:, None]
         self.cell[part.numbers] = mean
         self.energy[part.numbers] = 0.5 * self._energy(part, values, weight)
-        rule = ELEMENTS[part.kind].rule(self.formulation[part.kind])
-        return np.asarray(
-            np.matmul(_to_points(part.kind, rule, reference_nodes(part.kind)), values)
-        )
+        return self.extrapolated(part, values)
 
-    def _points(self, part: _Part) -> tuple[Float, Float]:
+    def _points(self, part: Part) -> tuple[Float, Float]:
         free = None
         if self.change is not None:
             rule = ELEMENTS[part.kind].rule(self.formulation[part.kind])
@@ -272,7 +314,7 @@ class _Recovery:
             self.u[part.block], self._of_cells(self.moduli, part), free,
         )  # fmt: skip
 
-    def _energy(self, part: _Part, values: Float, weight: Float) -> Float:
+    def _energy(self, part: Part, values: Float, weight: Float) -> Float:
         """(M,) integral of s.C^-1.s."""
         strain = np.matmul(values, self._of_cells(self.compliance, part))
         return np.asarray(((strain * values).sum(axis=2) * weight).sum(axis=1))
@@ -287,6 +329,9 @@ class _Recovery:
             strain += self.change[self.node_of, None] * self.expansion[self.material_of]
         return strain
 
+    def _plastic_strains(self) -> Float | None:
+        return None
+
     def _nodal(self, values: Float) -> Float:
         """Of each node's values the one with the greatest von Mises stress."""
         nodal = np.zeros((self.model.mesh.node_count, 6))
@@ -295,7 +340,7 @@ class _Recovery:
         nodal[self.node_of[order]] = values[order]
         return nodal
 
-    def _error(self, averages: Float, part: _Part) -> Float:
+    def _error(self, averages: Float, part: Part) -> Float:
         element = ELEMENTS[part.kind]
         stress_rule = element.rule(self.formulation[part.kind])
         # finer than the stiffness rule where that one sees too little (one point in tet4)

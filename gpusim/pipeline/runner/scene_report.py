@@ -34,6 +34,7 @@ from gpusim.report import (
     FramePair,
     Link,
     LoadPath,
+    LoadStepRow,
     Measurement,
     Mechanics,
     Published,
@@ -41,6 +42,7 @@ from gpusim.report import (
     SolutionSummary,
     Stage,
     StressPeak,
+    Table,
 )
 from gpusim.report.text import number
 from gpusim.scene import Scene
@@ -48,8 +50,11 @@ from gpusim.scene.cost import effects
 from gpusim.scene.frames import frame_word
 from gpusim.visualization.color_scale import format_value
 
-_FIRST = ("solve", "geometry", "linear theory")
+_FIRST = ("solve", "equilibria", "geometry", "linear theory")
 """Stages whose notes a report has before the others'."""
+
+
+_MOST_ROWS = 40
 
 
 class SceneReport:
@@ -103,6 +108,7 @@ class SceneReport:
             residuals=() if solution is None else tuple(solution["residuals"]),
             tolerance=scene.solver.tolerance,
             figures=tuple(item for one in told for item in one.figures),
+            tables=_newton_table(self._load_steps),
             links=self._links(),
         )
 
@@ -136,24 +142,33 @@ class SceneReport:
         return "; ".join(dict.fromkeys(filter(None, made))) or "not needed"
 
     def _mechanics(self, solution: Mapping[str, Any]) -> Mechanics:
-        """Of the last frame in which something has moved; linear, so load groups add up."""
-        last = self.frames.last_moved
+        """Of the last frame in which something has moved; load groups of linear bodies add up."""
+        last, displaced = self.frames.last_moved, self._said("equilibria").get("forces", {})
         reactions, loads = [], []
         reacting, loading = solution["reactions"], solution["applied"]
         states = self.frames[last].shown.states
         rows = zip(self.scene.bodies, reacting, loading, states, strict=True)
         for body, held, applied, state in rows:
-            weights = np.zeros(len(held)) if state is None else np.array(state)
-            forces = np.tensordot(weights, np.array(held), axes=1)
-            for support, (x, y, z) in zip(body.supports, forces.tolist(), strict=False):
+            weights = np.zeros(len(held)) if state is None else np.array(state[: len(held)])
+            forces = np.tensordot(weights, np.array(held), axes=1).tolist()
+            sums = (weights @ np.array(applied)).tolist()
+            if body.name in displaced and state is not None:
+                forces, sums = (displaced[body.name][key] for key in ("reactions", "applied"))
+            for support, (x, y, z) in zip(body.supports, forces, strict=False):
                 reactions.append(BodyForce(body.name, support.name, (x, y, z)))
-            x, y, z = (weights @ np.array(applied)).tolist()
+            x, y, z = sums
             loads.append(BodyForce(body.name, "loads", (x, y, z)))
         peaks = tuple(
             StressPeak(**{**row, "position": tuple(row["position"])})
             for row in self._said("stress").get("peaks", ())
         )
-        return Mechanics(last, solution["energy_balance"], tuple(reactions), tuple(loads), peaks)
+        balance = solution["energy_balance"]
+        return Mechanics(last, balance, tuple(reactions), tuple(loads), peaks, self._load_steps)
+
+    @cached_property
+    def _load_steps(self) -> tuple[LoadStepRow, ...]:
+        """Of the bodies at large displacements."""
+        return tuple(LoadStepRow(**row) for row in self._said("equilibria").get("steps", ()))
 
     def _fields(self) -> tuple[tuple[FieldPicture, ...], LoadPath | None]:
         """Pictures of the bodies, and how they go with the load."""
@@ -265,6 +280,24 @@ def failure_text(error: BaseException) -> str:
 def _tuples(row: Mapping[str, Any]) -> dict[str, Any]:
     """Plain data as dataclasses have it."""
     return {key: tuple(value) if isinstance(value, list) else value for key, value in row.items()}
+
+
+def _newton_table(steps: Sequence[LoadStepRow]) -> tuple[Table, ...]:
+    """What Newton's method took, of at most so many load steps as can be read."""
+    if not steps:
+        return ()
+    columns = (
+        "Body", "Frame", "Load", "Greatest displacement / mm", "By linear theory / mm", "Steps",
+        "Iterations", "Iterations of the linear solver", "Estimated error",
+    )  # fmt: skip
+    shown = np.unique(np.linspace(0, len(steps) - 1, min(len(steps), _MOST_ROWS)).astype(int))
+    rows = tuple(
+        (one.body, str(one.frame), f"{one.factor:g}", number(one.moved_mm, 5),
+         number(one.linear_mm, 5), str(one.substeps), str(one.iterations),
+         str(one.solver_iterations), f"{one.error_estimate:.1e}")
+        for one in (steps[k] for k in shown)
+    )  # fmt: skip
+    return (Table("Newton's method", columns, rows),)
 
 
 def _highlights(fields: Sequence[FieldPicture]) -> dict[str, tuple[str, str]]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,11 +11,14 @@ import numpy as np
 from gpusim import fem
 from gpusim.arrays.array_types import Float, Int
 from gpusim.errors import InputError
+from gpusim.fem.elements.element import ELEMENTS
+from gpusim.fem.materials.linear_elasticity import LinearMaterial
 from gpusim.fem.model.supports import check_supports
 from gpusim.pipeline.scene_objects.meshing import cells_of, faces_of, naming_place, nodes_of
 from gpusim.pipeline.scene_objects.surfaces import MeshedBody
 from gpusim.scene.amplitudes import LoadGroup
 from gpusim.scene.description import model as m
+from gpusim.validation import require
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,17 +29,42 @@ class _Supports:
     displacement: Float
 
 
-def build_material(material: m.MaterialTable) -> fem.Isotropic | fem.Orthotropic:
+_FLOWING: dict[str, tuple[str, ...]] = {
+    "hex8": ("incompatible", "bbar"), "hex20": ("reduced",), "tet10": ("bbar",), "tet4": (),
+    "wedge6": (),
+}  # fmt: skip
+_LAWS: dict[str, Callable[..., fem.Material]] = {
+    "isotropic": fem.Isotropic,
+    "saint-venant-kirchhoff": fem.SaintVenantKirchhoff,
+    "neo-hookean": fem.NeoHookean,
+    "hencky": fem.Hencky,
+}
+
+
+def build_material(material: m.MaterialTable) -> fem.Material:
     """The material of a scene, SI."""
     E: Any = material.youngs_modulus
     nu: Any = material.poissons_ratio
     G: Any = material.shear_modulus
     expansion: Any = material.expansion
-    if material.type == "isotropic":
-        return fem.Isotropic(E, nu, material.density, expansion)
-    if not isinstance(expansion, tuple):
-        expansion = (expansion,) * 3
-    return fem.Orthotropic(E, nu, G, material.density, expansion, material.axes)
+    if material.type == "orthotropic":
+        if not isinstance(expansion, tuple):
+            expansion = (expansion,) * 3
+        return fem.Orthotropic(E, nu, G, material.density, expansion, material.axes)
+    if material.type != "j2":
+        return _LAWS[material.type](E, nu, material.density, expansion)
+    assert material.yield_stress is not None
+    elastic = fem.Isotropic(E, nu, material.density, expansion)
+    return fem.J2(elastic, material.yield_stress, _hardening(material))
+
+
+def _hardening(material: m.MaterialTable) -> float | fem.Voce | list[tuple[float, float]]:
+    curve = material.hardening_MPa
+    if isinstance(curve, tuple):
+        return [(strain, 1e6 * stress) for strain, stress in curve]
+    if material.saturation is None or material.saturation_rate is None:
+        return 1e6 * curve
+    return fem.Voce(material.saturation, material.saturation_rate, 1e6 * curve)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +132,49 @@ def build_body_model(parts: MeshedBody, groups: tuple[LoadGroup, ...] | None = N
     return BodyModel(model, held.support)
 
 
+def displaced_model(parts: MeshedBody, dead: fem.Model, groups: Sequence[LoadGroup]) -> fem.Model:
+    """Of ``dead``, the body's model on its unloaded shape, that for large displacements: heat and
+    pressure that follows go with the body."""
+    body, grid = parts.body, parts.mesh
+    if not any(_follows(load) for load in body.loads):
+        return dead
+    assert dead.material_of_cell is not None
+    forces = np.zeros_like(dead.load_cases)
+    change = np.zeros((len(groups), grid.node_count))
+    following = []
+    for case, group in enumerate(groups):
+        for index, factor in group.loads:
+            load = body.loads[index]
+            if isinstance(load, m.ThermalTable):
+                change[case] += factor * load.temperature_change
+            elif isinstance(load, m.PressureTable) and load.follows:
+                faces = faces_of(grid, parts.skin.faces, load.where)
+                following.append(fem.FollowerPressure(faces, factor * load.pressure, case))
+            else:
+                own = _load(parts, list(dead.materials), dead.material_of_cell, load)
+                forces[case] += factor * own
+    single = len(groups) == 1
+    return replace(
+        dead, forces=forces[0] if single else forces, loads=following,
+        temperature=change if change.any() else None,
+    )  # fmt: skip
+
+
+def linear_at_rest(model: fem.Model) -> fem.Model:
+    """The same with laws for any strain as linear as they are at rest."""
+    laws = [
+        LinearMaterial(law) if isinstance(law, fem.Law) and law.finite_strain else law
+        for law in model.materials
+    ]
+    linear = all(new is law for new, law in zip(laws, model.materials, strict=True))
+    return model if linear else replace(model, materials=laws)
+
+
+def _follows(load: m.Load) -> bool:
+    pressed = isinstance(load, m.PressureTable) and load.follows
+    return pressed or isinstance(load, m.ThermalTable)
+
+
 def temperature(body: m.Body, frame: int | None) -> float:
     """Temperature change (K) of a body in a frame; None: at amplitude 1."""
     return sum(
@@ -167,7 +238,21 @@ def _materials(parts: MeshedBody) -> tuple[list[fem.Material], Int]:
             cells = cells_of(parts.mesh, part.where)
         of_cell[cells] = len(materials)
         materials.append(build_material(part.material))
+    with naming_place(f"body {body.name!r}"):
+        _check_flow(parts, materials, of_cell)
     return materials, of_cell
+
+
+def _check_flow(parts: MeshedBody, materials: Sequence[fem.Material], of_cell: Int) -> None:
+    """Raises InputError where metal is in elements that can't follow its flow."""
+    flows = np.array([isinstance(one, fem.J2) for one in materials])[of_cell]
+    for kind, first, block in parts.mesh.blocks():
+        known = ELEMENTS[kind].formulations
+        asked = parts.body.formulation
+        rule = asked if asked in known else known[0]
+        if kind in _FLOWING and rule not in _FLOWING[kind]:
+            count = int(flows[first : first + len(block)].sum())
+            require(count == 0, m.NO_FLOW, f"{count} of {kind} ({rule!r})", m.FLOWING)
 
 
 def _load(parts: MeshedBody, materials: list[fem.Material], of_cell: Int, load: m.Load) -> Float:

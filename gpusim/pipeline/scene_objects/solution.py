@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float, Int
+from gpusim.motion import Superposed
 from gpusim.report import SolutionSummary
 
 if TYPE_CHECKING:
@@ -58,7 +59,10 @@ class SceneSolution:
         }
         return SceneSolution(
             tuple(_cases(s.u) for s in solutions),
-            tuple(_sums(*one) for one in zip(solutions, models, held, strict=True)),
+            tuple(
+                support_forces(_cases(s.reactions), model, own)
+                for s, model, own in zip(solutions, models, held, strict=True)
+            ),
             tuple(model.load_cases.sum(axis=1) for model in models),
             sum(s.unknowns for s in solutions),
             worst.iterations,
@@ -69,6 +73,10 @@ class SceneSolution:
             balance,
             tuple(dict.fromkeys(text for s in solutions for text in s.warnings)),
         )
+
+    def superposed(self, body: int) -> Superposed:
+        """The motion of a body."""
+        return Superposed(self.u[body], self.reactions[body])
 
     def arrays(self) -> dict[str, npt.NDArray[Any]]:
         """What ``np.savez`` keeps: ``u<body>`` and the like, and a JSON summary."""
@@ -135,15 +143,15 @@ def _cases(values: Float) -> Float:
     return values if values.ndim == 3 else values[None]
 
 
-def _sums(solution: Solution, model: Model, held: Int) -> Float:
-    """(L,S,3) reactions added up over the degrees of freedom of each support.
+def support_forces(reactions: Float, model: Model, held: Int) -> Float:
+    """(L,S,3) reactions (L,N,3) added up over the degrees of freedom of each support, which
+    ``held`` (N,3) numbers (-1: none).
 
     S ends with the last support that holds something.
     """
     # whoever reads a solution from its file needs no solver
     from gpusim.fem.model.elimination import eliminate
 
-    reactions = _cases(solution.reactions)
     if (resolved := eliminate(model)) is not None:
         # what ties do to held nodes isn't the supports'
         reactions = resolved.forces(reactions)

@@ -15,10 +15,14 @@ from gpusim.export.images import encoded_picture
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
+from gpusim.motion import Stepped
 from gpusim.pipeline.notes import notes_of
 from gpusim.pipeline.scene_objects.cameras import build_camera
+from gpusim.pipeline.scene_objects.load_steps import step_fields
 from gpusim.pipeline.scene_objects.modelling import temperature
 from gpusim.pipeline.scene_objects.moving_bodies import MovingBodies, moving_bodies
+from gpusim.pipeline.scene_objects.solution import SceneSolution
+from gpusim.pipeline.stages.mechanics import stored_steps
 from gpusim.report import FieldPicture, LoadPath
 from gpusim.scene import Scene
 from gpusim.scene.frames import FrameTable
@@ -61,7 +65,8 @@ def fields(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     notes = notes_of(facts=facts, adapter=session.adapter) | {"path": None, "pictures": []}
     if not any(body.u.any() for body in bodies):
         return StageResult({}, notes, "nothing has moved")
-    notes["path"] = asdict(_load_path(objects, frames, bodies, word))
+    solved_linearly: SceneSolution | None = inputs.get("solution")
+    notes["path"] = asdict(_load_path(objects, frames, bodies, word, solved_linearly))
     if session.device is None:
         return StageResult({}, notes, "no pictures without a device")
     pictures = BodyPictures(session.device, bodies, _side(scene, bodies))
@@ -88,10 +93,19 @@ def _states(
     objects: MovingBodies, bodies: Sequence[DisplacedBody], inputs: Inputs, frame: int
 ) -> Iterator[BodyState]:
     """The bodies as they were solved."""
-    for parts, body in zip(objects.bodies, bodies, strict=True):
-        model = inputs[f"model/{body.name}"].model
-        change = temperature(parts.body, frame)
-        yield BodyState(parts.mesh, body.u, model, parts.body.formulation, change)
+    with stored_steps(inputs) as steps:
+        for number, (parts, body) in enumerate(zip(objects.bodies, bodies, strict=True)):
+            if isinstance(objects.motions[number], Stepped):
+                shown = objects.frames[frame].states[number]
+                known = step_fields(steps, number, shown) or {
+                    "nodal_stress": np.zeros((len(body.u), 6)),
+                    "nodal_strain": np.zeros((len(body.u), 6)),
+                }
+                yield BodyState(parts.mesh, body.u, **known)
+                continue
+            model = inputs[f"model/{body.name}"].model
+            change = temperature(parts.body, frame)
+            yield BodyState(parts.mesh, body.u, model, parts.body.formulation, change)
 
 
 def _chosen(states: Sequence[BodyState], stressed: bool) -> Iterator[str]:
@@ -108,6 +122,8 @@ def _chosen(states: Sequence[BodyState], stressed: bool) -> Iterator[str]:
             for k in (1, 3)
         )
         yield "principal_strain_1" if first >= ALIKE * third else "principal_strain_3"
+        if any(state.plastic_strain.any() for state in states):
+            yield "plastic_strain"
 
 
 def _side(scene: Scene, bodies: Sequence[DisplacedBody]) -> Turntable:
@@ -123,7 +139,11 @@ def _side(scene: Scene, bodies: Sequence[DisplacedBody]) -> Turntable:
 
 
 def _load_path(
-    objects: MovingBodies, frames: FrameTable, bodies: Sequence[DisplacedBody], word: str
+    objects: MovingBodies,
+    frames: FrameTable,
+    bodies: Sequence[DisplacedBody],
+    word: str,
+    solved: SceneSolution | None,
 ) -> LoadPath:
     """Of the node that moves most, along the way that it moves; the forces in its body's supports
     along their resultant."""
@@ -132,13 +152,16 @@ def _load_path(
     body, motion = bodies[number], objects.motions[number]
     node = int(np.linalg.norm(body.u, axis=1).argmax())
     shown = np.unique(np.linspace(0, len(frames) - 1, min(len(frames), MOST_STATES)).astype(int))
-    moved, forces, sizes = np.zeros((len(shown), 3)), np.zeros((len(shown), 3)), [0.0]
+    moved, forces, linear = np.zeros((3, len(shown), 3))
+    sizes = [0.0]
     for k, frame in enumerate(shown):
         state = frames[frame].shown.states[number]
         if state is not None and motion is not None:
             moved[k] = motion.displacement(state)[node]
             reactions = motion.reactions(state)
             forces[k] = reactions.sum(axis=0)
+            if solved is not None:
+                linear[k] = np.array(state[: len(solved.u[number])]) @ solved.u[number][:, node]
             sizes.append(float(np.linalg.norm(reactions, axis=1).sum()))
     if not np.linalg.norm(forces, axis=1).max() > ROUNDED * max(sizes):
         forces[:] = 0.0
@@ -147,10 +170,12 @@ def _load_path(
         body.name, (x, y, z), word.replace("_", " "), tuple(shown.tolist()),
         tuple(frames[frame].factor for frame in shown),
         tuple((1e3 * _along(moved)).tolist()), tuple(_along(forces).tolist()),
+        tuple((1e3 * _along(linear, moved)).tolist()) if isinstance(motion, Stepped) else (),
     )  # fmt: skip
 
 
-def _along(vectors: Float) -> Float:
-    """Components of vectors (F, 3) along the longest of them."""
-    longest = vectors[np.linalg.norm(vectors, axis=1).argmax()]
+def _along(vectors: Float, way: Float | None = None) -> Float:
+    """Components of vectors (F, 3) along the longest of them, or of those of a ``way``."""
+    way = vectors if way is None else way
+    longest = way[np.linalg.norm(way, axis=1).argmax()]
     return np.asarray(vectors @ longest / max(float(np.linalg.norm(longest)), 1e-300))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -13,16 +14,21 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim import fem
-from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
 from gpusim.files.input_file import open_input
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
-from gpusim.motion import Given, Superposed
+from gpusim.motion import Given, Stepped, Superposed
 from gpusim.pipeline.checks.resources import check_field
 from gpusim.pipeline.notes import Notes
-from gpusim.pipeline.scene_objects.modelling import BodyModel, build_body_model, temperature
+from gpusim.pipeline.scene_objects.load_steps import FIELDS, STEPS, step_fields
+from gpusim.pipeline.scene_objects.modelling import (
+    BodyModel,
+    build_body_model,
+    linear_at_rest,
+    temperature,
+)
 from gpusim.pipeline.scene_objects.moving_bodies import MovingBodies, moving_bodies
 from gpusim.pipeline.scene_objects.solution import SceneSolution, solver_seconds
 from gpusim.pipeline.scene_objects.surfaces import MeshedBody
@@ -48,14 +54,13 @@ def model(scene: Scene, inputs: Inputs, session: Session) -> BodyModel:
 def solve_scene(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """All bodies solved; what a report says of it, as well."""
     made: list[BodyModel] = [inputs[f"model/{body.name}"] for body in scene.bodies]
-    found = solve_bodies(
-        scene.solver, scene.bodies, [one.model for one in made], session.options, inputs.progress
-    )
+    models = [linear_at_rest(one.model) for one in made]
+    found = solve_bodies(scene.solver, scene.bodies, models, session.options, inputs.progress)
     solved = SceneSolution.of(found, [one.model for one in made], [one.support for one in made])
     notes = asdict(Notes(solved.warnings, solved.facts, session.adapter))
     session.kept[f"seconds of {inputs.key}"] = solver_seconds(found)
     return StageResult(
-        {DISPLACEMENT: partial(_save, solved.arrays())},
+        {DISPLACEMENT: partial(save_arrays, solved.arrays())},
         notes | {"solution": solved.said()},
         f"{solved.iterations} iterations, estimated error {solved.error_estimate:.1e}",
     )
@@ -70,7 +75,7 @@ def solution(scene: Scene, inputs: Inputs, session: Session) -> SceneSolution:
 def superposed(scene: Scene, inputs: Inputs, session: Session) -> Superposed:
     """The motion of one body."""
     solved: SceneSolution = inputs["solution"]
-    return Superposed(solved.u[inputs.row], solved.reactions[inputs.row])
+    return solved.superposed(inputs.row)
 
 
 def given(scene: Scene, inputs: Inputs, session: Session) -> Given:
@@ -87,7 +92,9 @@ def stress(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     objects = moving_bodies(scene, inputs, [one.shown for one in frames])
     models = [inputs[f"model/{body.name}"].model for body in scene.bodies]
     place = inputs.new_file(STRESS)
-    peaks = write_stresses(place, objects, models, frames, session.options.skip, inputs.progress)
+    with stored_steps(inputs) as steps:
+        bodies = _Solved(objects, models, steps)
+        peaks = write_stresses(place, bodies, frames, session.options.skip, inputs.progress)
     most = max((peak.von_mises for peak in peaks), default=0.0)
     notes = asdict(Notes()) | {"peaks": [asdict(peak) for peak in peaks]}
     return StageResult({STRESS: place}, notes, f"greatest von Mises stress {most / 1e6:.4g} MPa")
@@ -109,13 +116,7 @@ def solve_bodies(
     """
     solutions = []
     for body, model in zip(bodies, models, strict=True):
-
-        def note(iterations: int, estimate: float, name: str = body.name) -> None:
-            done = min(0.99, max(0.0, np.log(max(estimate, 1e-300)) / np.log(solver.tolerance)))
-            progress(done, f"{name}: iteration {iterations}, {estimate:.1e}")
-
-        asked = {**dict(solver), "formulation": body.formulation, **options.for_solver()}
-        solution = fem.solve(model, progress=note, **asked)
+        solution = fem.solve(model, **solver_arguments(solver, body, options, progress))
         if not solution.converged:
             where = f"solve, body {body.name!r}: stopped after {solution.iterations} iterations"
             reached = f"an estimated displacement error of {solution.error_estimate:.2e}"
@@ -125,8 +126,22 @@ def solve_bodies(
     return solutions
 
 
+def solver_arguments(
+    solver: m.SolverTable, body: m.Body, options: RunOptions, progress: Callable[[float, str], None]
+) -> dict[str, Any]:
+    """Keyword arguments of `gpusim.fem.solve`; ``progress`` as `solve_bodies` has it."""
+
+    def note(iterations: int, estimate: float) -> None:
+        done = min(0.99, max(0.0, np.log(max(estimate, 1e-300)) / np.log(solver.tolerance)))
+        progress(done, f"{body.name}: iteration {iterations}, {estimate:.1e}")
+
+    asked = {**dict(solver), "formulation": body.formulation, **options.for_solver()}
+    return {**asked, "progress": note}
+
+
 class Stresses:
-    """Nodal stress (N, 6) Pa and the share of the error (M,) of each cell, from a file.
+    """Nodal stress (N, 6) Pa and the share of the error (M,) of each cell, from a file; of bodies
+    at large displacements nodal strain as well.
 
     A frame in which nothing has moved has none. See ``gpusim.fem.Stress`` for what they are.
     """
@@ -144,24 +159,39 @@ class Stresses:
         self._stored.close()
         self._source.close()
 
-    def of(self, body: int, frame: int, parts: MeshedBody) -> tuple[Float, Float]:
-        """Nodal stress and the elements' shares of the error; zero in a frame without."""
-        nodal, share = f"stress{body}_{frame}", f"error{body}_{frame}"
-        stress, error = np.zeros((parts.mesh.node_count, 6)), np.zeros(parts.mesh.cell_count)
-        if nodal in self._stored:
-            found, of_cells = self._stored[nodal], self._stored[share]
-            fits = found.shape == stress.shape and of_cells.shape == error.shape
-            expected = f"{stress.shape}: delete the output folder's solution/stress.npz"
-            where = f"stress of body {parts.body.name!r}"
-            require(fits, where, f"shape {found.shape}", expected)
-            stress, error = found, of_cells
-        return stress, error
+    def of(self, body: int, frame: int, parts: MeshedBody) -> dict[str, Any]:
+        """By the names of `FIELDS`: nodal stress and the elements' shares of the error, zero in a
+        frame without; and the strain of a body at large displacements."""
+        nodes, cells = parts.mesh.node_count, parts.mesh.cell_count
+        shapes = {"stress": (nodes, 6), "strain": (nodes, 6), "plastic": (nodes,),
+                  "error": (cells,)}  # fmt: skip
+        found: dict[str, Any] = {
+            "nodal_stress": np.zeros((nodes, 6)),
+            "stored_error_share": np.zeros(cells),
+        }
+        for name, shape in shapes.items():
+            if f"{name}{body}_{frame}" in self._stored:
+                values = self._stored[f"{name}{body}_{frame}"]
+                expected = f"{shape}: delete the output folder's solution/stress.npz"
+                where = f"stress of body {parts.body.name!r}"
+                require(values.shape == shape, where, f"shape {values.shape}", expected)
+                found[FIELDS[name]] = values
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    """Bodies that move, the ``models`` that they were solved as, and what is kept of the load
+    ``steps`` of those at large displacements."""
+
+    objects: MovingBodies
+    models: Sequence[fem.Model]
+    steps: Mapping[str, npt.NDArray[Any]]
 
 
 def write_stresses(
     path: Path,
-    objects: MovingBodies,
-    models: Sequence[fem.Model],
+    solved: _Solved,
     frames: FrameTable,
     scaled: bool,
     progress: Callable[[float, str], None],
@@ -169,12 +199,16 @@ def write_stresses(
     """Recover the stress of every body in every frame that moves, and keep it; returns the peak of
     each body in the last of them.
 
-    A body with one load group has the same stress in all frames, but for a factor: ``scaled``.
+    A linear body with one load group has the same stress in all frames, but for a factor:
+    ``scaled``.
     """
     moving = [instant.number for instant in frames if not instant.shown.still]
-    peaks = []
+    objects, peaks = solved.objects, list[StressPeak]()
     with ZipFile(path, "w") as archive:
-        for number, (parts, model) in enumerate(zip(objects.bodies, models, strict=True)):
+        for number, (parts, model) in enumerate(zip(objects.bodies, solved.models, strict=True)):
+            if isinstance(objects.motions[number], Stepped):
+                peaks += _copy_stresses(archive, solved, number, moving)
+                continue
             last: tuple[float, fem.Stress] | None = None
             for step, frame in enumerate(moving):
                 done = (number + step / len(moving)) / len(objects.bodies)
@@ -193,13 +227,33 @@ def write_stresses(
     return peaks
 
 
+def _copy_stresses(
+    archive: ZipFile, solved: _Solved, number: int, moving: Sequence[int]
+) -> Iterator[StressPeak]:
+    """What the load steps of a body have, by frame; gives the peak in the last one."""
+    parts = solved.objects.bodies[number]
+    fields: dict[str, Any] = {}
+    for frame in moving:
+        state = solved.objects.frames[frame].states[number]
+        fields = step_fields(solved.steps, number, state)
+        for name, place in FIELDS.items():
+            if place in fields:
+                _store(archive, f"{name}{number}_{frame}", fields[place])
+    if fields:
+        von_mises = fem.von_mises(fields["nodal_stress"])
+        node, error = int(np.argmax(von_mises)), fields["stored_error_share"]
+        x, y, z = parts.mesh.points[node].tolist()
+        most, relative = float(von_mises[node]), float(np.linalg.norm(error))
+        yield StressPeak(parts.body.name, most, (x, y, z), relative)
+
+
 def _recovered(objects: MovingBodies, number: int, model: fem.Model, frame: int) -> fem.Stress:
     body = objects.scene.bodies[number]
     u = objects.displacement(number, frame)
     return fem.stress(model, u, body.formulation, temperature=temperature(body, frame) or None)
 
 
-def _save(arrays: dict[str, npt.NDArray[Any]], path: Path) -> None:
+def save_arrays(arrays: dict[str, npt.NDArray[Any]], path: Path) -> None:
     with open(path, "wb") as stream:
         np.savez(stream, allow_pickle=False, **arrays)
 
@@ -209,6 +263,16 @@ def _peak(parts: MeshedBody, found: fem.Stress, factor: float) -> StressPeak:
     x, y, z = parts.mesh.points[node].tolist()
     most = abs(factor) * float(found.von_mises[node])
     return StressPeak(parts.body.name, most, (x, y, z), found.error_relative)
+
+
+@contextmanager
+def stored_steps(inputs: Inputs) -> Iterator[Mapping[str, npt.NDArray[Any]]]:
+    """What is kept of load steps; nothing where every body is linear."""
+    if not inputs.has("equilibria") or not inputs.notes("equilibria")[0]["steps"]:
+        yield {}
+        return
+    with inputs.open("equilibria", STEPS) as source, np.load(source, allow_pickle=False) as stored:
+        yield stored
 
 
 def _store(archive: ZipFile, name: str, values: npt.NDArray[Any]) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Int
 from gpusim.export.body_state import BodyState
-from gpusim.export.field_catalogue import VTU_ARRAYS
+from gpusim.export.field_catalogue import VTU_ARRAYS, VTU_NEEDS
 from gpusim.export.meshes import write_pvd, write_region_stls, write_vtu
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
@@ -56,9 +56,12 @@ def _write(
             u = objects.displacement(index, step)
             if output.vtu:
                 file = new_file(f"solution/{name}-{step:04d}.vtu")
-                stress, share = stresses.of(index, step, parts) if stresses else (None, None)
-                state = BodyState(parts.mesh, u, nodal_stress=stress, stored_error_share=share)
-                arrays = {name: VTU_ARRAYS[name] for name in (VTU_ARRAYS if stresses else ["u"])}
+                known = stresses.of(index, step, parts) if stresses else {}
+                state = BodyState(parts.mesh, u, **known)
+                arrays = {
+                    name: one for name, one in VTU_ARRAYS.items()
+                    if VTU_NEEDS[name] in ("", *known)
+                }  # fmt: skip
                 of_points, of_cells = (
                     {name: one.of(state) for name, one in arrays.items() if one.place == place}
                     for place in ("nodes", "elements")

@@ -248,6 +248,9 @@ class PressureTable(_Load):
     """The faces that it acts on."""
     pressure_MPa: float
     """At load factor 1; negative pulls."""
+    follows: bool = False
+    """Whether it stays normal to the faces as they turn, on the area that they have then: of
+    bodies that are solved nonlinearly."""
 
 
 class TractionTable(_Load):

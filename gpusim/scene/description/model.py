@@ -44,7 +44,7 @@ from .loads import (
     TractionTable,
     WhereTable,
 )
-from .material import MaterialTable
+from .material import FLOWING, NO_FLOW, MaterialTable
 from .measure_table import MeasureTable
 from .measures import (
     AnyMeasure,

@@ -23,6 +23,7 @@ TruthLayer = Literal[
     "cameras",
     "normal",
 ]
+Geometry = Literal["auto", "linear", "nonlinear"]
 CalibrationFormat = Literal["opencv", "matchid", "vic", "dice", "kalibr"]
 
 Series = Annotated[tuple[float, ...], Listed(1, 10_000)]
@@ -44,7 +45,7 @@ class AnalysisType:
 
 
 ANALYSIS_TYPES = {
-    "static": AnalysisType("linear"),
+    "static": AnalysisType("equilibrium"),
     "field": AnalysisType("displacements that are given", given=True),
 }
 """`gpusim.scene.analyses.add_analysis` adds another one."""
@@ -64,7 +65,7 @@ def _list_kinds(schema: dict[str, Any]) -> None:
 
 
 class AnalysisTable(Table):
-    """Linear statics, or displacements that are given; one frame per load factor or time.
+    """Statics, or displacements that are given; one frame per load factor or time.
 
     Example::
 
@@ -76,6 +77,10 @@ class AnalysisTable(Table):
         "static"
     )
     """"field": bodies have a ``field``, and nothing is solved."""
+    geometry: Geometry = "auto"
+    """"linear": forces act on the unloaded shape; "nonlinear": on the shape as it is displaced, and
+    displacements may be any; "auto": linear, and nonlinear for a body of which the linear solution
+    is off by more than 0.2 % in some frame, or whose material needs it."""
     load_factors_: Annotated[Series, Field(alias="load_factors")] = _FACTORS
     """All loads and prescribed displacements are multiplied by this; frame 0 is the reference."""
     times: Series | None = None
@@ -94,6 +99,8 @@ class AnalysisTable(Table):
         if ANALYSIS_TYPES[self.type].given:
             if self.times is None:
                 raise fault("times", "missing", Words("no times"), "the time of each frame")
+            if self.geometry != "auto":
+                raise fault("geometry", "of a given field", self.geometry, "none")
             if self.load_factors_ != _FACTORS:
                 raise fault("load_factors", "of a given field", self.load_factors_, "times")
         elif self.times is not None:

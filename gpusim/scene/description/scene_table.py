@@ -55,6 +55,17 @@ class Body:
     loads: tuple[Load, ...]
     paints: tuple[Paint, ...]
 
+    @property
+    def materials(self) -> tuple[MaterialTable, ...]:
+        """Its own and those of its parts."""
+        own = () if self.material is None else (self.material,)
+        return (*own, *(part.material for part in self.parts))
+
+    @property
+    def has_history(self) -> bool:
+        """Whether it isn't the same again when loads come back."""
+        return any(material.has_history for material in self.materials)
+
 
 class PartTable(Table):
     """Elements of a body that are of another material.

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from gpusim.errors import Fault, similar_name
+from gpusim.scene.description.material import FINITE_STRAIN, FLOWING, NO_FLOW
 from gpusim.scene.description.measure_table import TABLES
 from gpusim.scene.description.mesh import NOTCHABLE, SETS
 from gpusim.scene.description.processing import ANALYSIS_TYPES
@@ -40,6 +41,7 @@ def check_document(document: Mapping[str, Any]) -> Found:
     checks.references_of_bodies()
     checks.references_of_measures()
     checks.loads()
+    checks.geometry()
     checks.what_is_there()
     checks.fields()
     checks.poses()
@@ -232,6 +234,31 @@ class _Checks:
                         (*at, kind, place, "amplitude"), entry.get("amplitude"), factors,
                         "factor", "analysis.load_factors",
                     )  # fmt: skip
+
+    def geometry(self) -> None:
+        """Nothing that linear theory doesn't know where that is asked for; no metal in elements
+        that can't flow."""
+        types = {str(one.get("name")): str(one.get("type")) for _, one in self.materials}
+        linear = self.analysis is not None and self.analysis.get("geometry") == "linear"
+        for index, body in self.bodies:
+            at: Keys = ("body", index)
+            named = [((*at, "material"), body.get("material"))]
+            named += [
+                ((*at, "part", place, "material"), part.get("material"))
+                for place, part in tables_of(body, "part")
+            ]
+            mesh = _table(body, "mesh") or {}
+            for keys, name in named:
+                kind = types.get(str(name))
+                if linear and kind in FINITE_STRAIN:
+                    self.add(keys, "of a type that linear theory doesn't know", kind,
+                             'analysis.geometry = "nonlinear", or "auto"')  # fmt: skip
+                if kind == "j2" and mesh.get("cells") == "tet4":
+                    self.add((*at, "mesh", "cells"), NO_FLOW, "tet4", FLOWING)
+            for place, load in tables_of(body, "load"):
+                if linear and load.get("follows") is True:
+                    self.add((*at, "load", place, "follows"), "in linear theory nothing turns",
+                             True, 'analysis.geometry = "nonlinear", or "auto"')  # fmt: skip
 
     def _one_per_frame(self, keys: Keys, values: Any, frames: Any, what: str, of: str) -> None:
         if isinstance(values, list) and isinstance(frames, list) and len(values) != len(frames):

@@ -11,7 +11,6 @@ from pydantic import ValidationError
 
 from gpusim.errors import Fault, InputError, similar_name
 from gpusim.printable import printable
-from gpusim.scene.description.processing import OTHER_SOLVER
 from gpusim.scene.description.table import Words, name_and_unit
 
 from .key_paths import Keys, Origins, dotted, origin_of
@@ -21,7 +20,6 @@ MOST = 200  # faults that are looked into; to find the nearest word of each take
 _WAYS_OUT = {
     "video": "pictures are files; `ffmpeg -framerate 25 -i images/front/%04d.png -c:v ffv1 "
     "front.mkv` joins them",
-    "analysis.geometry": f"it is linear; {OTHER_SOLVER}",
 }
 """What is asked for and isn't there, and what to do in its place."""
 _OF_BODIES = ("load", "mesh", "notch", "paint", "part", "support")

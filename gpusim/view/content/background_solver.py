@@ -112,4 +112,5 @@ def _solve(scene: Scene, folder: Path, progress: Any) -> None:
     document = scene.document
     document["output"] = {"stress": True}
     whole = Scene.from_document(document, source=scene.source, files=scene.files)
-    make_part(whole, {"solve": (0.05, 0.85), "stress": (0.85, 1.0)}, folder, progress)
+    shares = {"solve": (0.05, 0.45), "equilibria": (0.45, 0.85), "stress": (0.85, 1.0)}
+    make_part(whole, shares, folder, progress)

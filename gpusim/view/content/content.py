@@ -13,7 +13,7 @@ import numpy as np
 from gpusim.arrays.array_types import Bool, Float
 from gpusim.export.body_state import BodyState
 from gpusim.gpu import Device
-from gpusim.motion import Superposed
+from gpusim.motion import Stepped
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.light.lights import Light
 from gpusim.optics.sensor.channels import Weights
@@ -141,8 +141,10 @@ class Content:
         word = frame_word(self.scene).replace("_", " ")
         return f"frame {frame} ({frame + 1} of {self.frames}): {word} {value:g}"
 
-    def solve(self, solution: SceneSolution, stresses: Stresses | None) -> None:
-        """Take over what has been computed.
+    def solve(
+        self, solution: SceneSolution, stresses: Stresses | None, steps: Sequence[Stepped | None]
+    ) -> None:
+        """Take over what has been computed; ``steps`` of bodies at large displacements.
 
         Raises
         ------
@@ -154,7 +156,7 @@ class Content:
         solution.check([len(self.load_groups(body)) for body in range(len(nodes))], nodes)
         self.solution, self.stresses = solution, stresses
         self.objects.motions = [
-            Superposed(u, forces) for u, forces in zip(solution.u, solution.reactions, strict=True)
+            solution.superposed(body) if own is None else own for body, own in enumerate(steps)
         ]
         self._shown.clear()
 
@@ -256,14 +258,14 @@ class Content:
 
         objects = self.objects
         assert objects is not None
-        parts, stress = objects.bodies[body], None
-        if self.stresses is not None and not solved:
-            stress, _ = self.stresses.of(body, frame, parts)
-        model = self.model(body) if stress is None else None
-        return BodyState(
-            parts.mesh, self.displacement(body, frame), model, parts.body.formulation,
-            temperature(parts.body, frame), nodal_stress=stress,
-        )  # fmt: skip
+        parts, u = objects.bodies[body], self.displacement(body, frame)
+        displaced = bool(objects.motions) and isinstance(objects.motions[body], Stepped)
+        if self.stresses is not None and (displaced or not solved):
+            return BodyState(parts.mesh, u, **self.stresses.of(body, frame, parts))
+        if displaced:  # its stress doesn't follow from displacements
+            return BodyState(parts.mesh, u)
+        change = temperature(parts.body, frame)
+        return BodyState(parts.mesh, u, self.model(body), parts.body.formulation, change)
 
     def model(self, body: int) -> Model | None:
         """What a body is solved as; None if its displacements are given.
@@ -294,7 +296,8 @@ class Content:
         model, state = self.model(body), shown.states[body]
         if model is None or state is None:
             return np.zeros((self.objects.bodies[body].mesh.node_count, 3))
-        return np.asarray(np.tensordot(np.array(state), model.load_cases, axes=1))
+        weights = np.array(state[: len(model.load_cases)])
+        return np.asarray(np.tensordot(weights, model.load_cases, axes=1))
 
     def take_over(self, earlier: Content | None) -> bool:
         """Keep the solution of an earlier state of the file, if nothing that it depends on has
@@ -304,7 +307,9 @@ class Content:
         if earlier._mechanics() != self._mechanics():
             return False
         if earlier.solution is not None and self.solution is None:
-            self.solve(earlier.solution, earlier.stresses)
+            motions = earlier.objects.motions
+            steps = [one if isinstance(one, Stepped) else None for one in motions]
+            self.solve(earlier.solution, earlier.stresses, steps)
         return True
 
     def _mechanics(self) -> tuple[Any, ...]:

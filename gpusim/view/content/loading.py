@@ -13,10 +13,11 @@ from gpusim.mesh import boundary_faces, read_mesh, read_surface
 from gpusim.mesh.formats.cad import CAD_SUFFIXES
 from gpusim.mesh.formats.cad_cache import cached_cad_mesh
 from gpusim.mesh.formats.reader import MESH_SUFFIXES
-from gpusim.motion import Given
+from gpusim.motion import Given, Stepped
 from gpusim.pipeline.checks.resources import check_memory
 from gpusim.pipeline.scene_objects.cameras import build_camera
 from gpusim.pipeline.scene_objects.lights import build_lights
+from gpusim.pipeline.scene_objects.load_steps import STEPS, stepped_motion
 from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.pipeline.scene_objects.solution import SceneSolution
 from gpusim.pipeline.scene_objects.surfaces import build_body, build_prop
@@ -132,7 +133,10 @@ def _run(folder: Path) -> Content:
     content = _scene(path)
     solution, measured = folder / "solution", sorted((folder / "measure").glob("*.npz"))
     content.files += tuple(
-        file for file in (solution / "displacement.npz", solution / "stress.npz", *measured)
+        file
+        for file in (
+            solution / "displacement.npz", folder / STEPS, solution / "stress.npz", *measured
+        )
         if file.is_file()
     )  # fmt: skip
     if content.is_solvable:
@@ -143,8 +147,25 @@ def _run(folder: Path) -> Content:
     return content
 
 
+def _load_steps(content: Content, path: Path) -> list[Stepped | None]:
+    """Of each body; None where it is linear. Raises ValueError for other bodies."""
+    assert content.objects is not None
+    bodies = content.objects.bodies
+    if not path.is_file():
+        return [None] * len(bodies)
+    with np.load(read_input(path).stream(), allow_pickle=False) as stored:
+        steps = [stepped_motion(stored, k) if f"u{k}" in stored else None
+                 for k in range(len(bodies))]  # fmt: skip
+    for number, (one, parts) in enumerate(zip(steps, bodies, strict=True)):
+        shown = {frame.states[number] for frame in content.objects.frames} - {None}
+        shape = (len(shown), parts.mesh.node_count, 3)
+        if one is not None and (one.u.shape != shape or shown != set(one.states)):
+            raise ValueError(f"load steps of shape {one.u.shape}, expected {shape}")
+    return steps
+
+
 def load_solution(content: Content, folder: Path) -> None:
-    """Take over displacement.npz, and stress.npz, of a folder, if there are any.
+    """Take over displacement.npz, steps.npz and stress.npz of a folder, if there are any.
 
     Raises
     ------
@@ -159,7 +180,8 @@ def load_solution(content: Content, folder: Path) -> None:
     try:
         with np.load(read_input(path).stream(), allow_pickle=False) as stored:
             solution = SceneSolution.from_arrays(stored)
-        content.solve(solution, Stresses(read_input(stress).stream()) if stress.is_file() else None)
+        stresses = Stresses(read_input(stress).stream()) if stress.is_file() else None
+        content.solve(solution, stresses, _load_steps(content, folder / Path(STEPS).name))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(
             f"{path}: damaged, or of another scene; got {error}; expected what a run of this scene "

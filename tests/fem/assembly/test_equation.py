@@ -150,3 +150,21 @@ def test_warm_material_is_free_of_stress_however_it_turns() -> None:
         of = equation(model)
         cold = np.abs(of.internal(u, np.zeros(1))).max()
         assert np.abs(of.internal(u, np.ones(1))).max() <= 1e-12 * cold
+
+
+@pytest.mark.parametrize("formulation", ["incompatible", "bbar", "full"])
+def test_material_parts_of_flowing_metal_are_definite_far_from_equilibrium(
+    formulation: str,
+) -> None:
+    # stress that is far beyond what hardens makes the law's own moduli indefinite
+    mesh = linear_mesh("hex8", (2, 2, 2))
+    law = gs.J2(gs.Isotropic(200e3, 0.3), yield_stress=250.0, hardening=10.0)
+    model = clamped(mesh, law)
+    of = equation(model, {"hex8": formulation})
+    pulled = mesh.points * [0.05, 0.0, 0.0]
+    moduli = law.update(np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.0]), None, moduli=True).moduli
+    assert moduli is not None and np.linalg.eigvalsh(moduli)[0] < 0.0
+    rows = of.linearised(pulled, np.ones(1), Want.MATERIAL).assembled.rows
+    free = of.free.ravel()
+    matrix = block_matrix(rows).toarray()[np.ix_(free, free)]
+    assert np.linalg.eigvalsh(matrix)[0] > 0.0

@@ -76,6 +76,14 @@ def test_tangents_of_other_laws(form: Form, law: SaintVenantKirchhoff) -> None:
     assert max(tangent_errors(form, path, law, 1e-5)) <= 1e-8
 
 
+@pytest.mark.parametrize("form", HEXAHEDRA)
+def test_tangents_of_warm_cells(form: Form) -> None:
+    nodes = single("hex8")
+    free = np.array([0.02, -0.01, 0.03, 0.01, 0.02, -0.01])
+    path = [(nodes, motion_of(nodes)), (nodes, motion_of(nodes, 0.05, seed=2))]
+    assert max(tangent_errors(form, path, free=free)) <= 1e-9
+
+
 @pytest.mark.parametrize("form", [form for form in HEXAHEDRA if form[0] == "finite"])
 def test_a_wrong_tangent_is_seen(form: Form) -> None:
     nodes = single("hex8")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.sparse import csr_matrix
+from scipy.sparse import csc_matrix, csr_matrix
 
 from gpusim.errors import InputError
 from gpusim.fem import Equations, Isotropic, Model, equations, tie
@@ -103,6 +103,8 @@ def test_wrong_arguments() -> None:
     rows = [([(0, "x", 1.0)], 0.0)]
     with pytest.raises(InputError, match="row 1: node; got 26; expected 0 … 25"):
         equations(mesh, [*rows, ([(26, "x", 1.0)], 0.0)])
+    with pytest.raises(InputError, match=r"row 0: node; got 1\.5; expected 0 … 25"):
+        equations(mesh, [([(1.5, "x", 1.0)], 0.0)])  # type: ignore[list-item]
     with pytest.raises(InputError, match="row 0: axis; got 'w'"):
         equations(mesh, [([(0, "w", 1.0)], 0.0)])
     with pytest.raises(InputError, match="finite numbers"):
@@ -137,6 +139,16 @@ def test_forces_on_a_node_of_no_cell_need_an_equation() -> None:
     assert Model(mesh, MATERIAL, forces=forces, constraints=equations(mesh, [mean])).constraints
     with pytest.raises(InputError, match="loaded nodes belong to no cell"):
         Model(mesh, MATERIAL, forces=forces[:, [1, 0, 2]], constraints=equations(mesh, [mean]))
+
+
+def test_matrices_of_any_format() -> None:
+    dense = np.arange(1.0, 13.0).reshape(2, 6)
+    for matrix in (dense, csc_matrix(dense)):
+        made = Equations(matrix, np.array([1, 2]))
+        np.testing.assert_array_equal(made.matrix.toarray(), dense)
+        np.testing.assert_array_equal(
+            made.renumbered(np.array([1, 0])).matrix.toarray()[:, 0], [4, 10]
+        )
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])

@@ -76,7 +76,8 @@ def test_two_runs_give_the_same_bytes(done: Path, tmp_path: Path) -> None:
 
 
 def test_a_report_of_reused_results_says_the_same(tmp_path: Path) -> None:
-    scene = small_scene(body=[BAD], output={"stress": True})
+    analysis = {"load_factors": [0.0, 1.0], "geometry": "linear"}
+    scene = small_scene(body=[BAD], output={"stress": True}, analysis=analysis)
     first = gs.run(scene, tmp_path, backend="numpy")
     before, scene_file = said(tmp_path), (tmp_path / "scene.toml").read_bytes()
     kinds = ["cells of bad shape", "linear statics holds for small ones only", "measure 'tip'"]

@@ -51,7 +51,8 @@ def scene(**changes: Any) -> Scene:
                 "paint": [{"name": "grey", "type": "plain", "albedo": 0.5}],
             }
         ],
-        "analysis": {"load_factors": changes.get("factors", [0.0, 1.0])},
+        "analysis": {"load_factors": changes.get("factors", [0.0, 1.0]),
+                     "geometry": changes.get("geometry", "auto")},
         "solver": {"tolerance": 1e-9},
         "output": {"vtu": True, "stress": changes.get("stress", False)},
     }  # fmt: skip
@@ -155,8 +156,12 @@ def test_a_moved_support_has_its_own_amplitude(tmp_path: Path) -> None:
 
 def test_linear_statics_bent_too_far_is_warned_of(tmp_path: Path) -> None:
     soft = {**STEEL, "youngs_modulus_GPa": 0.2}  # MPa taken for GPa: F L^3 / 3 E I is 691 mm
-    (warning,) = gs.run(scene(material=soft), tmp_path, backend="numpy").warnings
+    linear = scene(material=soft, geometry="linear")
+    (warning,) = gs.run(linear, tmp_path, backend="numpy").warnings
     assert "differ by 680 mm in frame 1, 282 % of its size" in warning
+    (warning,) = gs.run(scene(material=soft), tmp_path, backend="numpy").warnings
+    assert "by linear theory displacements differ by 680 mm in frame 1" in warning
+    assert warning.endswith("are units, loads and moduli meant so?")
     assert gs.run(scene(), tmp_path, backend="numpy").warnings == ()
 
 
@@ -193,10 +198,12 @@ def test_scaling_loads_does_not_change_the_answer(tmp_path: Path) -> None:
 def test_what_an_amplitude_changes(tmp_path: Path) -> None:
     def plan_of(amplitude: list[float], force: float = -50.0) -> dict[str, str]:
         load = {**DOWN, "amplitude": amplitude, "force_N": [0.0, 0.0, force]}
-        plan = make_plan(scene(load=[load, ASIDE]), tmp_path, "numpy")
+        made = scene(load=[load, ASIDE], geometry="linear")
+        plan = make_plan(made, tmp_path, "numpy")
         return {stage.name: stage.state for stage in plan.stages}
 
-    gs.run(scene(load=[{**DOWN, "amplitude": [1.0, 0.0]}, ASIDE]), tmp_path, backend="numpy")
+    first = scene(load=[{**DOWN, "amplitude": [1.0, 0.0]}, ASIDE], geometry="linear")
+    gs.run(first, tmp_path, backend="numpy")
     assert plan_of([1.0, 0.0])["solve"] == plan_of([1.0, 0.0])["export"] == "reused"
     assert plan_of([1.0, 0.5])["solve"] == "reused" and plan_of([1.0, 0.5])["export"] == "run"
     assert plan_of([1.0, 0.0], -51.0)["solve"] == "run"
@@ -206,7 +213,8 @@ def test_what_an_amplitude_changes(tmp_path: Path) -> None:
 
 def test_the_amplitude_of_a_load_alone_solves_nothing_again(tmp_path: Path) -> None:
     def alone(amplitude: list[float]) -> Scene:
-        return scene(load=[{**DOWN, "amplitude": amplitude}])  # each a multiple of the factors
+        load = {**DOWN, "amplitude": amplitude}  # each a multiple of the factors
+        return scene(load=[load], geometry="linear")
 
     gs.run(alone([0.0, 0.5]), tmp_path, backend="numpy")
     half = displacement(tmp_path, 1)
