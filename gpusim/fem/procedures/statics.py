@@ -82,8 +82,7 @@ def solve(
     Raises
     ------
     InputError
-        A wrong argument; supports and constraints that leave a rigid-body motion free (named), or
-        contradict each other.
+        A wrong argument; supports and constraints that leave a rigid-body motion free (named).
     NotConverged
         Values that aren't finite, negative curvature, or a matrix that rounding made indefinite;
         no equilibrium at the first load step. One that is missing later ends the analysis: the

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 import pytest
-from tests.support.element_meshes import linear_mesh
 
 from gpusim.errors import InputError
 from gpusim.fem import FollowerPressure, Isotropic, Model, pressure, solve
 from gpusim.mesh import Mesh, boundary_faces, box, quadratic, select_faces
+from tests.support.element_meshes import linear_mesh
 
 Float = npt.NDArray[np.float64]
 
