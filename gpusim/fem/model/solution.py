@@ -39,6 +39,18 @@ class LoadStep:
     those of the ``substeps`` on the way included; ``error_estimate`` relative, of the greatest
     displacement; ``wanted``: asked for, and not a point on the way past a limit point. ``stress``:
     of steps that are wanted, Cauchy stress and logarithmic strain (`gpusim.fem.Stress`).
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(1, 0.1, 0.1), divisions=(4, 1, 1))
+    >>> fixed = np.isclose(bar.points[:, :1], 0.0).repeat(3, axis=1)
+    >>> pull = gs.fem.traction(bar, gs.mesh.select_faces(bar, name="x_max"), (2e9, 0, 0))
+    >>> model = gs.Model(bar, gs.Isotropic(200e9, 0.0), fixed, pull)
+    >>> half, whole = gs.fem.solve(model, geometry="nonlinear", factors=[0.5, 1.0]).steps
+    >>> f"{1e3 * half.u[:, 0].max():.3f} {1e3 * whole.u[:, 0].max():.3f}"
+    '5.000 10.000'
+    >>> bool(np.allclose(whole.stress.nodal_strain[:, 0], np.log(1.01)))
+    True
     """
 
     factors: Float
