@@ -26,8 +26,8 @@ MODULES = (gs, gs.measure, gs.fem, gs.mesh, gs.paint, gs.psf, gpusim.surface, gp
 RESULTS = {
     "Calibration", "Chessboard", "Codes", "Crossings", "DeflectionLine", "DicResult",
     "Displacement3D", "Dots", "Features", "Frame", "FrameSource", "LoadStep", "MappedResult",
-    "Markers", "Matches", "Quality", "SampledKernel", "Sighting", "SlopeChanges", "Solution", "StereoResult",
-    "StrainResult", "Stress", "TrackResult", "Triangulated", "Truth", "Update",
+    "Markers", "Matches", "Quality", "SampledKernel", "Sighting", "SlopeChanges", "Solution",
+    "StereoResult", "StrainResult", "Stress", "TrackResult", "Triangulated", "Truth", "Update",
 }  # fmt: skip
 
 
