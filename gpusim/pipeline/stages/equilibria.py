@@ -109,9 +109,8 @@ def _choice(
         if material.finite_strain:
             return f"linear theory doesn't know material {material.name!r}", None
     error, body = linear_error(objects, number), objects.bodies[number].body
-    if error.off <= SMALL:
-        state = objects.frames[error.frame].states[number]
-        assert state is not None
+    state = objects.frames[error.frame].states[number]
+    if error.off <= SMALL and state is not None:  # at rest: forces that move nothing
         u, weights = path.linear.displacement(state), np.array(state)
         error = with_stretching(error, u, path.model, weights, body.formulation)
     return (f"by linear theory it {error.fact}" if error.off > SMALL else ""), error
