@@ -16,7 +16,15 @@ from gpusim.pipeline.stages.equilibria import SMALL
 from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene
 from gpusim.scene.frames import frame_table
-from tests.pipeline.stages.test_mechanics import CLAMP, DOWN, STEEL, displacement, fields, scene
+from tests.pipeline.stages.test_mechanics import (
+    CLAMP,
+    DOWN,
+    LINEAR,
+    STEEL,
+    displacement,
+    fields,
+    scene,
+)
 
 FAR = {**DOWN, "force_N": [0.0, 0.0, -2000.0]}
 METAL = {**STEEL, "type": "j2", "yield_stress_MPa": 250.0, "hardening_MPa": 2000.0}
@@ -75,7 +83,7 @@ def test_auto_is_nonlinear_where_linear_theory_is_too_far_off(tmp_path: Path) ->
 
 def test_what_is_asked_for_is_done(tmp_path: Path) -> None:
     for geometry, motion in (("linear", Superposed), ("nonlinear", Stepped)):
-        made = scene(load=[FAR], geometry=geometry)
+        made = scene(load=[FAR], analysis={"geometry": geometry})
         report = gs.run(made, tmp_path / geometry, backend="numpy")
         (fact,) = statics(report).values()
         assert fact.startswith("asked for" if motion is Stepped else "turns by up to")
@@ -171,9 +179,9 @@ def test_heat_turns_with_the_body(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "key", "problem"),
     [
-        ({"material": METAL, "geometry": "linear"}, "body.bar.material", "linear theory"),
+        ({"material": METAL, "analysis": LINEAR}, "body.bar.material", "linear theory"),
         ({"load": [{"name": "p", "type": "pressure", "where": {"set": "z_max"},
-                    "pressure_MPa": 1.0, "follows": True}], "geometry": "linear"},
+                    "pressure_MPa": 1.0, "follows": True}], "analysis": LINEAR},
          "body.bar.load.p.follows", "nothing turns"),
         ({"material": METAL, "mesh": {"builder": "box", "size_mm": [20.0, 20.0, 10.0],
                                       "divisions": [1, 1, 1], "cells": "tet4"}},
@@ -243,9 +251,17 @@ def test_a_scene_as_an_object_moves_as_its_run_does(tmp_path: Path) -> None:
 
 
 def test_a_scene_is_solved_as_its_frames_are(tmp_path: Path) -> None:
-    made = scene(load=[FAR], factors=[0.0, 0.5, 1.0, 0.5], geometry="nonlinear")
+    made = scene(load=[FAR], factors=[0.0, 0.5, 1.0, 0.5], analysis={"geometry": "nonlinear"})
     gs.run(made, tmp_path, backend="numpy")
     steps = gs.solve(made, backend="numpy").steps
     assert [step.factors.tolist() for step in steps] == [[0.5], [1.0]]
     np.testing.assert_array_equal(steps[1].u, displacement(tmp_path, 2))
     assert gs.solve(made.replace("analysis.geometry", "auto"), backend="numpy").steps == ()
+
+
+def test_a_modulus_that_is_meant_otherwise_is_asked_about(tmp_path: Path) -> None:
+    soft = {**STEEL, "youngs_modulus_GPa": 0.2}  # MPa taken for GPa: F L^3 / 3 E I is 691 mm
+    report = gs.run(scene(material=soft), tmp_path, backend="numpy")
+    (question,) = (text for text in report.warnings if "units" in text)
+    assert "by linear theory displacements differ by 680 mm in frame 1" in question
+    assert question.endswith("are units, loads and moduli meant so?")
