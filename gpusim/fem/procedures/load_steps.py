@@ -17,7 +17,7 @@ from gpusim.fem.procedures.arc_length import LoadPath, PathPoint, follow_path
 from gpusim.fem.procedures.newton import Controls, equilibrium
 
 # share of a step below which no cut-back is tried
-_LEAST_SHARE = 1.0 / 64.0
+_LEAST_SHARE = 1.0 / 256.0
 
 
 @dataclass(eq=False)

@@ -11,7 +11,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gpusim.errors import InputError, NotConverged
-from gpusim.fem import Isotropic, Model, NeoHookean, Solution, face_force, solve
+from gpusim.fem import Hencky, Isotropic, Model, NeoHookean, Solution, face_force, solve
+from gpusim.fem.assembly.element_responses import element_responses
+from gpusim.fem.assembly.equation import Equation
+from gpusim.fem.model.model import resolve_formulation
+from gpusim.fem.sparse.block_rows import block_matrix
 from gpusim.mesh import Mesh, box, select_faces
 from tests.support.nonlinear_cases import (
     NonlinearCase,
@@ -177,6 +181,27 @@ def test_stretched_rubber_follows_its_law() -> None:
         assert np.abs(stress[1:]).max() <= 1e-8 * abs(stress[0])
         pull = found.reactions[mesh.points[:, 0] == 2.0, 0].sum()
         assert pull == pytest.approx(stress[0] * along, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    "law", [Isotropic(1.0, 0.0), NeoHookean(1.0, 0.0), Hencky(1.0, 0.0)],
+    ids=["isotropic", "neo_hooke", "hencky"],
+)  # fmt: skip
+@pytest.mark.parametrize("aspect", [1.0, 20.0, 100.0])
+def test_flat_cells_have_no_mode_that_buckles_before_the_body(
+    law: Isotropic | NeoHookean | Hencky, aspect: float
+) -> None:
+    """Pressed through its thickness by 30 %, between smooth walls (Sussman & Bathe, Comput. Struct.
+    140 (2014) 14); a body as thick as long buckles at some 40 %."""
+    mesh = box((4.0 * aspect, 1.0, 4.0), (4, 1, 4))
+    sides = np.isclose(mesh.points, 0.0) | np.isclose(mesh.points, mesh.points.max(axis=0))
+    sides[:, 0] = mesh.points[:, 0] == 0.0
+    model = Model(mesh, law, sides)
+    equation = Equation(model, element_responses(model, resolve_formulation(model, None)))
+    tangent = equation.linearised(mesh.points * [0.0, 0.0, -0.3], np.zeros(1))
+    free = equation.free.ravel()
+    matrix = block_matrix(tangent.assembled.rows).toarray()[np.ix_(free, free)]
+    assert np.linalg.eigvalsh(matrix)[0] > 1e-5
 
 
 def test_a_body_that_would_buckle_is_told_of() -> None:
