@@ -1,4 +1,4 @@
-"""Input decks of Abaqus and CalculiX: linear static analyses of solid elements.
+"""Input decks of Abaqus and CalculiX: static analyses of solid elements, linear and nonlinear.
 
 In the order in which data passes:
 
@@ -6,9 +6,11 @@ In the order in which data passes:
 - `materials`: Materials, orientations and sections.
 - `initial_state`: Stress before the first step, and what a temperature does.
 - `forces`: Nodal forces, pressures and body forces, kept from step to step.
+- `increments`: The times in a step at which equilibrium is looked for.
 - `constraints`: Supports of a step, and linear equations between nodes.
 - `steps`: What each step adds, changes or removes.
-- `deck`: Mesh, materials, and one linear static problem for each step.
+- `load_path`: The steps of a nonlinear deck as load steps of one analysis.
+- `deck`: Mesh, materials, and one static problem for each step.
 - `load`: Reading a deck: keywords and parameters, then each card.
 """
 
