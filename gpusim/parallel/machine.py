@@ -14,6 +14,8 @@ from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+
 _own = threading.local()
 _GROUPS = Path("/sys/fs/cgroup")
 _SHARE = 0.8  # of the machine's memory, that one file may take
@@ -117,3 +119,14 @@ def _table(path: Path) -> dict[str, int]:
         return {}
     words = [line.replace(":", " ").split() for line in lines]
     return {one[0]: int(one[1]) for one in words if len(one) > 1 and one[1].isdigit()}
+
+
+@cache
+def keep_freed_memory() -> None:
+    """Let glibc keep blocks of some MB that are freed, in place of asking for each again.
+
+    Work in parts frees and takes such blocks all the time, and new pages cost as much as what is
+    done with them. Its threshold rises to the size of the largest block that was ever freed (32 MB
+    at most; mallopt(3), M_MMAP_THRESHOLD): one that nobody writes to costs nothing.
+    """
+    np.empty(31 << 20, dtype=np.uint8)

@@ -69,7 +69,7 @@ def describe(scene: Scene, made: Counts | None = None) -> dict[str, str]:
     wanted = [name for name in ("vtu", "stl", "calibration") if getattr(scene.output, name)]
     return {
         "mesh": "; ".join(mesh_words(body.mesh, made) for body in scene.bodies),
-        "solve": f"{size}{_SOLVER[scene.solver.method]}",
+        "solve": f"{size}{_SOLVER[scene.solver.method]}{_geometry(scene)}",
         "render": lit,
         "truth": f"{len(scene.output.truth)} layers",
         "truth file": "mesh, nodes, and what cameras see",
@@ -158,7 +158,7 @@ def estimate(scene: Scene, made: Counts | None = None) -> Cost:
     return {
         "mesh": (200 * nodes, 0.05 + 2e-6 * nodes),
         "model": (100 * nodes, 0.5 + 1e-6 * nodes),
-        "solve": (4_500 * nodes, 0.2 + 2e-5 * nodes),
+        "solve": (4_500 * nodes, (0.2 + 2e-5 * nodes) * (1 + _ITERATIONS * _load_steps(scene))),
         "surface": (200 * nodes, 0.05 + 2e-6 * elements),
         "render": (16 * bands * pixels, (fixed + slower * per_pixel * pixels) * most),
         "truth": (40 * pixels, together * steps * (0.2 + 1e-8 * layers * pixels)),
@@ -168,6 +168,26 @@ def estimate(scene: Scene, made: Counts | None = None) -> Cost:
         "export": (300 * nodes, steps * (0.1 + 4e-6 * elements)),
         "report": (6 * pixels, 1.0 + 2e-8 * pixels),
     }
+
+
+_ITERATIONS = 6
+"""Linear solutions of a load step."""
+
+
+def _load_steps(scene: Scene) -> int:
+    """That are certain: none where the linear solution is to decide."""
+    strained = any(material.finite_strain for body in scene.bodies for material in body.materials)
+    if scene.analysis.geometry == "nonlinear" or strained:
+        return len({factor for factor in scene.analysis.load_factors if factor})
+    return 0
+
+
+def _geometry(scene: Scene) -> str:
+    """How bodies are solved, as far as it is known beforehand."""
+    if steps := _load_steps(scene):
+        return f", nonlinear, {steps} load steps"
+    auto = scene.analysis.geometry == "auto"
+    return ", nonlinear if the linear solution is too far off" if auto else ""
 
 
 _GROWTH = 0.25  # of the element size with the distance from a notch, as the builder has it

@@ -18,9 +18,7 @@ def test_the_nearest_of_all_faces_is_found(element: str) -> None:
     chosen = rng.integers(len(faces), size=60)
     normals = faces.area_vectors / faces.areas[:, None]
     points = faces.centroids[chosen] + rng.uniform(-0.2, 0.2, (60, 3)) * normals[chosen]
-    points += rng.uniform(-0.3, 0.3, (60, 1)) * (
-        faces.corners[chosen, 0] - faces.centroids[chosen]
-    )
+    points += rng.uniform(-0.3, 0.3, (60, 1)) * (faces.corners[chosen, 0] - faces.centroids[chosen])
     face, distance, shares = nearest_on_surface(faces, points)
     everyone = np.tile(np.arange(len(faces)), len(points))
     outside, gap, _ = nearest_places(faces, everyone, np.repeat(points, len(faces), axis=0))
@@ -38,6 +36,6 @@ def test_a_point_beside_all_faces_has_none() -> None:
     top = boundary_faces(mesh)
     top = top[top.area_vectors[:, 2] > 0.0]
     middle = mesh.bounds.mean(axis=0)
-    _, distance, _ = nearest_on_surface(top, np.array([middle, middle + [20.0, 0.0, 5.0]]))
+    _, distance, _ = nearest_on_surface(top, middle + np.array([[0.0, 0.0, 0.0], [20.0, 0.0, 5.0]]))
     assert np.isinf(distance[0])
     assert distance[1] == pytest.approx(4.0)

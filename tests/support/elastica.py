@@ -130,10 +130,11 @@ def pulled_ring(strip: Strip, force: float) -> tuple[float, float]:
 
     moment = 0.0
     for share in np.linspace(0.02, 1.0, 50):
-        turned = lambda m, share=share: (  # noqa: E731
-            side(m[0] * strip.bending / radius, share)[2:3] + 0.5 * np.pi
-        )
-        moment = float(_root(turned, np.array([moment]))[0])
+
+        def shortfall(unknown: Float, share: float = share) -> Float:
+            return side(unknown[0] * strip.bending / radius, share)[2:3] + 0.5 * np.pi
+
+        moment = float(_root(shortfall, np.array([moment]))[0])
     x, z = side(moment * strip.bending / radius, 1.0)[:2]
     return float(-z - radius), float(x - radius)
 
@@ -177,7 +178,9 @@ def curved_cantilever(radius: float, side: float, E: float, forces: Float) -> Fl
 
     def end(unknown: Float, force: float) -> Float:
         start = np.concatenate([np.zeros(3), np.eye(3).ravel(), [*unknown * E * inertia, 0.0]])
-        found = solve_ivp(slope, (0.0, length), start, "DOP853", args=(force,), rtol=1e-8, atol=1e-9)
+        found = solve_ivp(
+            slope, (0.0, length), start, "DOP853", args=(force,), rtol=1e-8, atol=1e-9
+        )
         return np.asarray(found.y[:, -1])
 
     rest = radius * np.array([np.sin(0.25 * np.pi), 1.0 - np.cos(0.25 * np.pi), 0.0])

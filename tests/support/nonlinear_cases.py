@@ -117,7 +117,8 @@ def own_weight(kind: str, divisions: Sequence[int], parameter: float = 11.772) -
     forces = body_force(mesh, density, (0.0, 0.0, 1.0))
     x, z, _ = cantilever(strip, (0.0, 0.0), DistributedLoad(dead=(0.0, weight)))
     return NonlinearCase(
-        "elastica, own weight", Model(mesh, Isotropic(strip.E, 0.0), clamped_end(mesh), forces), np.array([1.0]),
+        "elastica, own weight", Model(mesh, Isotropic(strip.E, 0.0), clamped_end(mesh), forces),
+        np.array([1.0]),
         end_motion(mesh, mesh.points[:, 0] >= strip.length - 1e-6),
         np.array([[x - strip.length, z]]), ELASTICA,
     )  # fmt: skip
@@ -252,3 +253,41 @@ def arch_way(load: float) -> float:
     last = len(ways) - 1 - int(np.argmax(loads[::-1] < load))
     exact = CubicSpline(ways, loads - load)
     return float(brentq(exact, ways[last], ways[last + 1]))
+
+
+def bimetal_strip(divisions: Sequence[int], degrees: Sequence[float]) -> NonlinearCase:
+    """Strip of two layers (E = 1e6 both), one of which is heated so that it coils up to circles of
+    ``degrees`` (Timoshenko, J. Opt. Soc. Am. 11 (1925) 233)."""
+    assert divisions[2] % 2 == 0
+    strip = Strip(100.0, 1.0, 1.0, 1e6)
+    mesh = bar(strip, "hex8", divisions)
+    materials = [Isotropic(strip.E, 0.0, expansion=2e-5), Isotropic(strip.E, 0.0)]
+    centres = np.concatenate([mesh.points[cells].mean(axis=1) for _, _, cells in mesh.blocks()])
+    upper = (centres[:, 2] > 0.0).astype(np.int32)
+    angle = np.radians(degrees)
+    # equal layers: 3/2 of the difference of their strains over the height
+    strain = angle / strip.length * strip.height / 1.5
+    model = Model(mesh, materials, clamped_end(mesh), material_of_cell=upper, temperature=5e4)
+    # half of the heat's strain stretches the middle
+    length = strip.length * (1.0 + 0.5 * strain)
+    x, z = length * np.sin(angle) / angle, length * (1.0 - np.cos(angle)) / angle
+    return NonlinearCase(
+        "bimetal strip", model, strain, end_motion(mesh, mesh.points[:, 0] >= strip.length - 1e-6),
+        np.stack([x - strip.length, z], axis=1), "Timoshenko's circle", strip.length,
+    )  # fmt: skip
+
+
+def pressed_column(divisions: Sequence[int], alpha: float, eccentric: float) -> NonlinearCase:
+    """Clamped column under P L^2 / E I = ``alpha`` along it, and ``eccentric`` times that across;
+    it buckles at (pi / 2)^2."""
+    strip = Strip(100.0, 1.0, 1.0, 1e6)
+    mesh = bar(strip, "hex8", divisions)
+    load = alpha * strip.bending / strip.length**2
+    end = select_faces(mesh, name="x_max")
+    forces = face_force(mesh, end, (-load, 0.0, eccentric * load))
+    x, z, _ = cantilever(strip, (-load, eccentric * load), DistributedLoad())
+    return NonlinearCase(
+        "column", Model(mesh, Isotropic(strip.E, 0.0), clamped_end(mesh), forces), np.array([1.0]),
+        end_motion(mesh, mesh.points[:, 0] >= strip.length - 1e-6),
+        np.array([[x - strip.length, z]]), ELASTICA, strip.length,
+    )  # fmt: skip

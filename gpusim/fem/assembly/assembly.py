@@ -31,7 +31,8 @@ _ROWS_REPEAT = 16
 
 @dataclass(frozen=True, eq=False)
 class Assembled:
-    """A model's block rows, the elements they came from, and their lattice if there is one."""
+    """A model's block rows, the elements they came from, and their lattice if there is one. Without
+    ``groups`` rows aren't a sum of elements (constraints), and needn't add up to zero."""
 
     rows: BlockRows
     groups: Sequence[Elements]

@@ -11,11 +11,12 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.fem.assembly.assembly import Assembled
-from gpusim.fem.device.block_texels import block_texels_bytes
+from gpusim.fem.device.block_texels import block_texels_bytes, rows_of_matrix
 from gpusim.fem.device.node_texels import Allocator, Pair, pair
 from gpusim.fem.device.stiffness import DeviceStiffness
 from gpusim.fem.device.tet_elements import TetElements, TetTexels, tet_elements, tet_texels_bytes
 from gpusim.fem.elements.element import ELEMENTS
+from gpusim.fem.sparse.block_rows import BlockRows, block_matrix
 from gpusim.gpu import Bindings, Kernel, Recording
 
 
@@ -111,7 +112,16 @@ def operator_bytes(assembled: Assembled, elements: TetElements | None) -> int:
     rows = assembled.rows
     if elements is not None:
         return tet_texels_bytes(elements, rows.node_count)
-    return block_texels_bytes(rows.degree, np.diff(rows.table_start), exact=True)
+    # with a diagonal, where rows need one
+    more = 0 if assembled.groups else 1
+    return block_texels_bytes(rows.degree + more, np.diff(rows.table_start) + more, exact=True)
+
+
+def _in_differences(assembled: Assembled) -> BlockRows:
+    """Rows that may be multiplied by differences: where they aren't a sum of elements they needn't
+    add up to zero."""
+    rows = assembled.rows
+    return rows if assembled.groups else rows_of_matrix(block_matrix(rows))
 
 
 def upload_operator(
@@ -123,5 +133,5 @@ def upload_operator(
 ) -> DeviceOperator:
     """K / ``scale`` for ``cases`` load cases; ``elements`` of ``device_tets``."""
     if elements is None:
-        return DeviceStiffness(device, assembled.rows, scale, cases)
+        return DeviceStiffness(device, _in_differences(assembled), scale, cases)
     return DeviceTets(device, elements, assembled.rows.node_count, scale, cases)

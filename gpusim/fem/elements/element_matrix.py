@@ -22,7 +22,7 @@ from gpusim.fem.elements.element import ELEMENTS, Rule, mode_gradient
 from gpusim.fem.elements.isoparametric_map import determinant, inverse, reference_gradient
 
 # Numbers in the largest temporary of a chunk: it should stay in the cache.
-_CHUNK_NUMBERS = 5 << 15
+_CHUNK_NUMBERS = 1 << 17
 # Strain component (xx yy zz xy yz zx) of the tensor's entry ij.
 _VOIGT = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
 # Where the modulus C_ikjl of (kl, ij) stands in the 6x6 matrix.
@@ -69,8 +69,7 @@ def element_stiffness(
     count, width = len(nodes), 3 * nodes.shape[1]
     result = np.empty((count, width, width))
     size = max(width * width, 6 * len(rule.weight) * width if name == "bbar" else 0)
-    # as few parts as may be, of about equal size
-    step = -(-count // max(1, -(-count // max(16, _CHUNK_NUMBERS // size))))
+    step = max(16, _CHUNK_NUMBERS // size)
     for start in range(0, count, step):
         part = slice(start, start + step)
         moduli = elasticity if elasticity.ndim == 2 else elasticity[part]

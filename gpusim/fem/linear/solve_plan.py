@@ -217,7 +217,7 @@ def plan_solve(model: Model, assembled: Assembled, system: System, options: Opti
         attempts, why = _cheaper(assembled, system, direct)
     reasons = {"solver": why}
     if "multigrid" in attempts:
-        on_device, reasons["iterations"] = _place(options, model)
+        on_device, reasons["iterations"] = _place(options)
         stiff = _stiff_in_bulk(model)
     if stiff and options.formulation == {"hex8": "bbar"} and not model.constraints:
         attempts = ("pressures", *attempts)
@@ -271,10 +271,8 @@ def _fitting(direct: Direct | None) -> Direct:
     return direct
 
 
-def _place(options: Options, model: Model) -> tuple[bool, str]:
+def _place(options: Options) -> tuple[bool, str]:
     """Whether multigrid iterates on a device, and why."""
-    if model.constraints:
-        return False, "on the host: constraints"
     if options.backend == "gpu":
         return True, "on the device, asked for"
     if options.backend == "numpy":

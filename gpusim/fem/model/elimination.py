@@ -179,29 +179,30 @@ def _coupled(unknown: csr_matrix, rest: Long, residual: Float, level: Float) -> 
         got, expected = f"{len(members)} that share all", f"at most {_MOST_COUPLED}"
         require(len(members) <= _MOST_COUPLED, "constraints: equations", got, expected)
         equations = rest[members]
-        pivots, keep = _pivots(core[members], residual[equations], level[equations])
+        keep, pivots, inverse = _pivots(core[members], residual[equations], level[equations])
         rows.append(equations[keep])
         columns.append(pivots)
-        inverses.append(inv(unknown[equations[keep]][:, pivots].toarray()))
-    inverse: csr_matrix = csr_matrix(block_diag(inverses, format="csr"))
-    return _Pivots(np.concatenate(rows), np.concatenate(columns), inverse)
+        inverses.append(inverse)
+    whole: csr_matrix = csr_matrix(block_diag(inverses, format="csr"))
+    return _Pivots(np.concatenate(rows), np.concatenate(columns), whole)
 
 
-def _pivots(rows: csr_matrix, residual: Float, level: Float) -> tuple[Long, Bool]:
-    """Columns to give up and the mask of equations that say something new."""
+def _pivots(rows: csr_matrix, residual: Float, level: Float) -> tuple[Bool, Long, Float]:
+    """Mask of the equations that say something new, the unknowns to give up for them, and the
+    inverse of the factors that they have there."""
     keep = np.zeros(rows.shape[0], dtype=bool)
-    used = np.unique(rows.indices)
-    dense = rows[:, used].toarray()
+    used, place = np.unique(rows.indices, return_inverse=True)
+    dense = csr_matrix((rows.data, place, rows.indptr), (len(keep), len(used))).toarray()
     length = np.linalg.norm(dense, axis=1)[:, None]
     dense, residual, level = dense / length, residual / length, level / length
     triangle, order = qr(dense.T, mode="r", pivoting=True)
     diagonal = np.abs(np.diag(triangle))
     keep[order[: int((diagonal > _DEPENDENT * diagonal[0]).sum())]] = True
-    pivot = qr(dense[keep], mode="r", pivoting=True)[1]
+    pivot = qr(dense[keep], mode="r", pivoting=True)[1][: int(keep.sum())]
     # the others must follow from those kept
     mixed, *_ = np.linalg.lstsq(dense[keep].T, dense[~keep].T, rcond=None)
     _refuse_contradictions(mixed.T @ residual[keep] - residual[~keep], level.max(initial=0.0))
-    return used[pivot[: int(keep.sum())]].astype(np.int64), keep
+    return keep, used[pivot].astype(np.int64), inv(dense[keep][:, pivot]) / length[keep].T
 
 
 def _refuse_contradictions(difference: Float, level: Float | float) -> None:

@@ -28,6 +28,12 @@ def mass_matrix(model: Model) -> csr_matrix:
     >>> gs.fem.mass_matrix(gs.Model(bar, gs.Isotropic(1.0, 0.3, density=7.0))).shape
     (36, 36)
     """
+    return csr_matrix(kron(scalar_mass(model), np.eye(3), format="csr"))
+
+
+def scalar_mass(model: Model) -> csr_matrix:
+    """(N,N) consistent mass matrix, the same for the three directions. Raises InputError if a
+    material has no density."""
     _check(model)
     rows, columns, values = [], [], []
     for block, matrix in _element_masses(model):
@@ -37,8 +43,7 @@ def mass_matrix(model: Model) -> csr_matrix:
         values.append(matrix.ravel())
     count = model.mesh.node_count
     entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-    scalar = coo_matrix(entries, shape=(count, count)).tocsr()
-    return csr_matrix(kron(scalar, np.eye(3), format="csr"))
+    return csr_matrix(coo_matrix(entries, shape=(count, count)))
 
 
 def lumped_mass(model: Model) -> Float:

@@ -27,12 +27,16 @@ from gpusim.fem.multigrid.geometric_coarsening import (
     drop_planes,
 )
 from gpusim.fem.multigrid.mapped_coarsening import mapped_lattice
-from gpusim.fem.multigrid.smoothed_aggregation import galerkin, largest_eigenvalue, prolongator
+from gpusim.fem.multigrid.smoothed_aggregation import (
+    Aggregates,
+    aggregated,
+    galerkin,
+    largest_eigenvalue,
+    prolongator,
+)
 from gpusim.fem.multigrid.smoothers import Relaxation, chebyshev
 from gpusim.fem.multigrid.transfer import MatrixTransfer, NodeTransfer, PlaneWeights, Transfer
-from gpusim.fem.sparse.block_rows import (
-    invert_repeated,
-)
+from gpusim.fem.sparse.block_rows import BlockRows, invert_repeated
 from gpusim.fem.sparse.matrix_product import Product
 from gpusim.mesh.cell_types import CELL_TYPES
 
@@ -65,18 +69,20 @@ _LIGHT_RANGE = 8.0
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """One level: its matrix (3x3 or 6x6 blocks) as host product, inverted diagonal blocks
-    (B,s,s), greatest eigenvalue of D^-1 A, and the transfer to the next coarser level. Where a
-    ``smoother`` of columns serves instead, the eigenvalue is its own. ``single_step``: one
-    step of smoothing is enough, because the coarser level has the same elements. ``twice``: a cycle
-    goes through this level and what is below twice, as aggregated levels are cheap, and poor where
-    bodies are flat or long (see ``Multigrid``)."""
+    """One level: its matrix (3x3 or 6x6 blocks) as host product, which unknowns are ``free`` (B,s),
+    inverted diagonal blocks (B,s,s), greatest eigenvalue of D^-1 A, and the transfer to the next
+    coarser level. Where a ``smoother`` of columns serves instead, the eigenvalue is its own.
+    ``single_step``: one step of smoothing is enough, because the coarser level has the same
+    elements. ``twice``: a cycle goes through this level and what is below twice, as aggregated
+    levels are cheap, and poor where bodies are flat or long (see ``Multigrid``)."""
 
     product: Product | StencilProduct
+    free: Bool
     inverse: Float
     largest: float
     transfer: Transfer
     smoother: Columns | None = None
+    aggregates: Aggregates | None = None
     single_step: bool = False
     twice: bool = False
 
@@ -126,15 +132,14 @@ def build_hierarchy(
             break
         if levels:
             inverse = product.block_inverse(free)
-        coarse_free = free[coarser.kept]
-        transfer = NodeTransfer(coarser.interpolation, free, coarse_free)
+        transfer = NodeTransfer(coarser.interpolation, free, coarser.kept)
         single_step = all(_compact_tets(group, points) for group in groups)
         if sum(group.distinct for group in groups) <= _FEW:
             largest = max(_element_bound(_distinct_matrices(group)) for group in groups)
         else:
             largest = largest_eigenvalue(product, inverse, _FEW_STEPS if single_step else _STEPS)
-        levels.append(Level(product, inverse, largest, transfer, single_step=single_step))
-        groups, lattice, free = coarser.groups, coarser.lattice, coarse_free
+        levels.append(Level(product, free, inverse, largest, transfer, single_step=single_step))
+        groups, lattice, free = coarser.groups, coarser.lattice, transfer.coarse_free
         points = points[coarser.kept]
         if lattice is not None:
             product = lattice_stencil(only_group(groups), lattice, scale).operator
@@ -153,6 +158,52 @@ def build_hierarchy(
     return _aggregate(levels, product, free, points, longest, column, uneven_stiffness)
 
 
+def rebuilt(hierarchy: Hierarchy, rows: BlockRows, system: System, points: Float) -> Hierarchy:
+    """The levels for other values of the stiffness, and ``points`` (N,3) where the same nodes with
+    the same supports are now: weights of nodes, aggregates and patterns stay, the rest is made
+    anew."""
+    product, mask, near_null = _assembled(finest_product(rows, system)), system.free, None
+    levels: list[Level] = []
+    coarser = [_assembled(level.product).matrix for level in hierarchy.levels[1:]]
+    for level, like in zip(hierarchy.levels, [*coarser, hierarchy.coarsest.matrix], strict=True):
+        inverse, transfer, smoother = product.block_inverse(mask), level.transfer, level.smoother
+        if smoother is not None:
+            smoother = Columns(product, mask, smoother.column)
+        # beside what more steps have told of values much like these, a few are enough
+        fewer_steps = largest_eigenvalue(product, smoother or inverse, _FEW_STEPS)
+        largest, free = max(level.largest, fewer_steps), mask
+        if isinstance(transfer, NodeTransfer):
+            points, mask = points[transfer.kept], transfer.coarse_free
+        else:
+            assert level.aggregates is not None
+            near_null = _near_null(points, mask) if near_null is None else near_null
+            single = transfer.matrix.dtype == np.float32
+            prolongation, near_null, mask = prolongator(
+                product, smoother or inverse, largest, near_null, level.aggregates, single
+            )
+            transfer = MatrixTransfer(prolongation)
+        levels.append(
+            Level(
+                product, free, inverse, largest, transfer, smoother, level.aggregates,
+                level.single_step, level.twice,
+            )
+        )  # fmt: skip
+        product = Product(galerkin(product, transfer.matrix, like))
+    solver = CoarseSolver(product.matrix, mask, hierarchy.coarsest.order)
+    return Hierarchy(tuple(levels), solver, _lowest_eigenvalue(solver, levels, product.matrix))
+
+
+def _near_null(points: Float, free: Bool) -> Float:
+    """(N,3,6) rigid motions of nodes at ``points`` (N,3)."""
+    origin = points.mean(axis=0)
+    length = float(np.abs(points - origin).max()) or 1.0
+    return rigid_modes(points, origin, length) * free[:, :, None]
+
+
+def _assembled(product: Product | StencilProduct) -> Product:
+    return product if isinstance(product, Product) else Product(product.matrix)
+
+
 def _by_sheets(
     levels: list[Level], product: Product, group: Elements, free: Bool, points: Float
 ) -> tuple[Product, Bool, Float]:
@@ -163,13 +214,12 @@ def _by_sheets(
         weights = coarse_lattice(lattice)
         if weights is None or not free[weights.kept].any() or _bent(weights, points):
             break
-        coarse_free = free[weights.kept]
-        transfer = NodeTransfer(weights, free, coarse_free)
+        transfer = NodeTransfer(weights, free, weights.kept)
         inverse = product.block_inverse(free)
         largest = largest_eigenvalue(product, inverse, _STEPS)
-        levels.append(Level(product, inverse, largest, transfer))
-        product = Product(galerkin(product, transfer.blocks()))
-        lattice, free, points = weights.coarse, coarse_free, points[weights.kept]
+        levels.append(Level(product, free, inverse, largest, transfer))
+        product = Product(galerkin(product, transfer.matrix))
+        lattice, free, points = weights.coarse, transfer.coarse_free, points[weights.kept]
     return product, free, points
 
 
@@ -263,14 +313,12 @@ def _aggregate(
 ) -> Hierarchy:
     """Aggregate until a few hundred unknowns remain, or ``longest`` in a narrow band; at first by
     ``column``, where nodes stand in columns."""
-    origin = points.mean(axis=0)
-    length = float(np.abs(points - origin).max()) or 1.0
-    near_null, mask = rigid_modes(points, origin, length) * free[:, :, None], free
+    near_null, mask = _near_null(points, free), free
     stalled = False
     unknowns = free.size
     narrow = None
     while not levels or (unknowns > _COARSEST and not stalled):
-        matrix_product = product if isinstance(product, Product) else Product(product.matrix)
+        matrix_product = _assembled(product)
         if levels and unknowns <= longest:
             narrow = narrow_order(matrix_product.matrix, levels[0].product.unknowns)
             if narrow is not None:
@@ -278,18 +326,17 @@ def _aggregate(
         inverse = product.block_inverse(mask)
         smoother = None if column is None else Columns(matrix_product, mask, column)
         largest = largest_eigenvalue(product, smoother or inverse, _STEPS)
-        prolongation, near_null, mask = prolongator(
-            matrix_product,
-            smoother or inverse,
-            largest,
-            near_null,
-            mask,
-            single=not uneven_stiffness,
+        aggregates = aggregated(matrix_product, smoother or inverse, mask)
+        single = not uneven_stiffness
+        prolongation, near_null, coarse_mask = prolongator(
+            matrix_product, smoother or inverse, largest, near_null, aggregates, single
         )
-        coarser = galerkin(matrix_product, prolongation)
-        transfer = MatrixTransfer(prolongation)
-        twice = inverse.shape[1] == 6 and not uneven_stiffness
-        levels.append(Level(product, inverse, largest, transfer, smoother, twice=twice))
+        coarser, transfer = galerkin(matrix_product, prolongation), MatrixTransfer(prolongation)
+        twice = inverse.shape[1] == 6 and single
+        levels.append(
+            Level(product, mask, inverse, largest, transfer, smoother, aggregates, twice=twice)
+        )
+        mask = coarse_mask
         column = None
         unknowns = coarser.shape[0]
         stalled = unknowns > 0.9 * product.unknowns

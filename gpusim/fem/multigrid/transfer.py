@@ -102,12 +102,12 @@ def _along(weights: csr_matrix, grid: Real, axis: int) -> Real:
 
 
 class NodeTransfer:
-    """Nodal weights (N,K), the same for x, y and z; fixed unknowns (N,3), (K,3) are left out."""
+    """Nodal weights (N,K), the same for x, y and z, of the nodes ``kept`` (K,); fixed unknowns
+    (N,3) are left out."""
 
-    def __init__(
-        self, interpolation: csr_matrix | PlaneWeights, free: Bool, coarse_free: Bool
-    ) -> None:
-        self.interpolation, self.free, self.coarse_free = interpolation, free, coarse_free
+    def __init__(self, interpolation: csr_matrix | PlaneWeights, free: Bool, kept: Int) -> None:
+        self.interpolation, self.kept = interpolation, kept
+        self.free, self.coarse_free = free, free[kept]
 
     @cached_property
     def weights(self) -> csr_matrix:
@@ -141,7 +141,8 @@ class NodeTransfer:
         moved = np.stack([np.where(self.coarse_free, restrict(one), 0.0) for one in nodes])
         return moved.reshape(len(r), -1)
 
-    def blocks(self) -> bsr_matrix:
+    @cached_property
+    def matrix(self) -> bsr_matrix:
         """(3N,3K) in blocks of 3x3."""
         weights = self.weights
         row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))

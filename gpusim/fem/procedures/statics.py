@@ -21,6 +21,7 @@ from gpusim.fem.procedures.linear_static import linear_static
 from gpusim.fem.procedures.nonlinear_static import nonlinear_static
 from gpusim.gpu import Device
 from gpusim.parallel.blas_threads import one_blas_thread
+from gpusim.parallel.machine import keep_freed_memory
 from gpusim.validation import finite_numbers, require, require_one_of, unmasked
 
 GEOMETRIES = ("linear", "nonlinear")
@@ -108,6 +109,7 @@ def solve(
     linear = geometry == "linear"
     if linear:
         _refuse_finite_strain(model)
+    keep_freed_memory()
     # sums by several threads of BLAS aren't worth their waiting; the work is shared out above it
     with one_blas_thread():
         lattice = model_lattice(model)

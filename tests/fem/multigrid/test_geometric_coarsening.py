@@ -136,7 +136,7 @@ def test_what_is_no_lattice_is_refused(spoil: str) -> None:
 
 
 def galerkin_matches(weights, fine, coarse, free, kept) -> None:  # type: ignore[no-untyped-def]
-    transfer = NodeTransfer(weights, free, free[kept]).blocks().tocsr()
+    transfer = NodeTransfer(weights, free, kept).matrix.tocsr()
     wanted = (transfer.T @ fine @ transfer).toarray()
     np.testing.assert_allclose(coarse.toarray(), wanted, atol=1e-13 * np.abs(wanted).max())
 

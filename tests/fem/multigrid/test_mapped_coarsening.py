@@ -151,7 +151,7 @@ def test_coarse_matrices_are_galerkins() -> None:
     first, second = hierarchy.levels[:2]
     assert isinstance(first.transfer, NodeTransfer)
     assert isinstance(first.transfer.interpolation, PlaneWeights)
-    p = first.transfer.blocks().tocsr()
+    p = first.transfer.matrix.tocsr()
     wanted = (p.T @ block_matrix(parts.rows).tocsr() @ p).toarray()
     found = second.product.matrix.toarray()
     assert np.abs(found - wanted).max() <= 1e-12 * np.abs(wanted).max()
