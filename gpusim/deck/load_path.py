@@ -68,7 +68,7 @@ def _part(
         reactions=last.reactions,
         converged=complete,
         message="converged" if complete else whole.message,
-        error_estimate=max((one.error_estimate for one in own), default=np.inf),
+        error_estimate=max((one.error_estimate for one in own), default=1.0),
         iterations=sum(one.solver_iterations for one in every),
         residuals=np.array([[one.residual] for one in last.iterations]),
         strain_energy=np.array([work]),

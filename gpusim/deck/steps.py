@@ -11,7 +11,7 @@ from gpusim.arrays.array_types import Float, Long
 from gpusim.deck.amplitudes import Amplitudes, Interval, Moment, Ramped, Scale
 from gpusim.deck.constraints import Axes, Constraints, read_tie
 from gpusim.deck.deck import Step
-from gpusim.deck.forces import Forces, pressure_forces
+from gpusim.deck.forces import Forces, face_points, pressure_forces
 from gpusim.deck.increments import Increments, merged
 from gpusim.deck.initial_state import InitialStress, temperature_forces
 from gpusim.deck.materials import Body
@@ -206,7 +206,7 @@ class History:
         forces, pressed = self.forces.nodal_forces(moment), self.forces.pressed(moment)
         loads = ()
         if self.body.nonlinear:
-            loads = () if pressed is None else _following(*pressed)
+            loads = () if pressed is None else _following(self.body, *pressed)
         elif pressed is not None:
             forces += pressure_forces(self.body.mesh, *pressed, self.body.formulation)
         for one in self.forces.body_forces(moment):
@@ -228,9 +228,14 @@ class History:
         )
 
 
-def _following(faces: Faces, pressures: Float) -> tuple[FollowerPressure, ...]:
-    """One for each value."""
+def _following(body: Body, faces: Faces, pressures: Float) -> tuple[FollowerPressure, ...]:
+    """One for each value and rule of integration."""
+    counts = np.zeros(len(faces), dtype=np.int32)
+    for kind, first, block in body.mesh.blocks():
+        inside = np.flatnonzero((faces.cell >= first) & (faces.cell < first + len(block)))
+        for name, rows in faces[inside].kinds():
+            counts[inside[rows]] = face_points(kind, body.formulation[kind], name)
     return tuple(
-        FollowerPressure(faces[np.flatnonzero(pressures == value)], float(value))
-        for value in np.unique(pressures)
+        FollowerPressure(faces[(pressures == value) & (counts == count)], value, count=int(count))
+        for value, count in sorted(set(zip(pressures.tolist(), counts.tolist(), strict=True)))
     )
