@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from gpusim.arrays.array_types import Float
+from gpusim.arrays.array_types import Float, Int
 from gpusim.errors import InputError
 from gpusim.mesh.formats.abaqus.cards import Card, Names, number
 
@@ -33,9 +32,9 @@ class Moment:
     factors: Float
     share: float = 1.0
 
-    def of(self, new: npt.ArrayLike, follows: npt.ArrayLike, old: npt.ArrayLike) -> Float:
+    def of(self, new: Float, follows: Int, old: Float) -> Float:
         """Loads, of values ``new``, that follow an amplitude, or ramp up from ``old``."""
-        ramp = (1.0 - self.share) * np.asarray(old) + self.share * np.asarray(new)
+        ramp = (1.0 - self.share) * old + self.share * new
         return np.where(follows, new * self.factors[follows], ramp)
 
 
@@ -52,7 +51,7 @@ class Ramped:
         self.values[:] = self.initial
         self.follows[:] = 0
 
-    def put(self, place: Any, value: float, scale: Scale) -> None:
+    def put(self, place: Any, value: float | Float, scale: Scale) -> None:
         self.values[place] = value
         self.follows[place] = scale.follows
 

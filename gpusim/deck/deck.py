@@ -184,11 +184,11 @@ class Deck:
         """
         step = self._step(number)
         if self.nonlinear:
-            found = u.steps[-1].stress if isinstance(u, Solution) and u.steps else None
+            stress = u.steps[-1].stress if isinstance(u, Solution) and u.steps else None
             what = "Deck.point_stress: u of a nonlinear deck"
-            require(found is not None, what, repr(u), "a step's Solution with load steps")
-            assert found is not None
-            return found.points
+            require(stress is not None, what, repr(u), "a step's Solution with load steps")
+            assert stress is not None
+            return stress.points
         field = np.asarray(u.u if isinstance(u, Solution) else u, dtype=np.float64)
         fits = field.shape == self.mesh.points.shape and np.isfinite(field).all()
         expected = f"{self.mesh.points.shape} finite numbers"

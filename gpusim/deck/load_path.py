@@ -53,7 +53,9 @@ class LoadPath:
         for (first, last), (begin, end) in zip(pairwise(places), pairwise(ends), strict=True):
             own, last = whole.steps[first:last], min(last, len(whole.steps))
             got = sum(one.wanted for one in own)
-            found.append(_part(whole, whole.steps[last - 1], own, got == end - begin, works[last]))
+            found.append(
+                _part(whole, whole.steps[last - 1], own, bool(got == end - begin), works[last])
+            )
         return tuple(found)
 
 

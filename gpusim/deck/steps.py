@@ -204,7 +204,7 @@ class History:
         if self.temperature is not None:
             change = self.temperature.at(moment) - self.initial
         forces, pressed = self.forces.nodal_forces(moment), self.forces.pressed(moment)
-        loads = ()
+        loads: tuple[FollowerPressure, ...] = ()
         if self.body.nonlinear:
             loads = () if pressed is None else _following(self.body, *pressed)
         elif pressed is not None:
