@@ -6,6 +6,7 @@ In the order in which data passes:
 - `materials`: Materials, orientations and sections.
 - `initial_state`: Stress before the first step, and what a temperature does.
 - `forces`: Nodal forces, pressures and body forces, kept from step to step.
+- `step`: What acts at the end of a step, and on the way there.
 - `increments`: The times in a step at which equilibrium is looked for.
 - `constraints`: Supports of a step, and linear equations between nodes.
 - `steps`: What each step adds, changes or removes.
@@ -16,8 +17,9 @@ In the order in which data passes:
 
 from __future__ import annotations
 
-from gpusim.deck.deck import Deck, Step
+from gpusim.deck.deck import Deck
 from gpusim.deck.load import load_deck
+from gpusim.deck.step import Step
 
 __all__ = ["Deck", "Step", "load_deck"]
 

@@ -9,16 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gpusim.arrays.array_types import Float
+from gpusim.deck.step import Step
 from gpusim.fem import LoadStep, Solution
 from gpusim.fem.procedures.nonlinear_static import path_work
-
-if TYPE_CHECKING:
-    from gpusim.deck.deck import Step
 
 
 @dataclass(frozen=True, eq=False)

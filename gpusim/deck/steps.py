@@ -10,11 +10,11 @@ import numpy as np
 from gpusim.arrays.array_types import Float, Long
 from gpusim.deck.amplitudes import Amplitudes, Interval, Moment, Ramped, Scale
 from gpusim.deck.constraints import Axes, Constraints, read_tie
-from gpusim.deck.deck import Step
 from gpusim.deck.forces import Forces, face_points, pressure_forces
 from gpusim.deck.increments import Increments, merged
 from gpusim.deck.initial_state import InitialStress, temperature_forces
 from gpusim.deck.materials import Body
+from gpusim.deck.step import Step
 from gpusim.fem import FollowerPressure
 from gpusim.fem.model.constraints import touched
 from gpusim.mesh import Faces

@@ -20,7 +20,7 @@ import gpusim as gs
 from gpusim.applications import solve_deck
 from gpusim.deck import Deck, load_deck
 from gpusim.errors import InputError, NotConverged
-from tests.support.deck_texts import FIXED, MATERIAL, deck, step, write
+from tests.support.deck_texts import FIXED, MATERIAL, METAL, deck, step, write
 from tests.support.nonlinear_decks import DECKS
 
 Float = npt.NDArray[np.float64]
@@ -248,7 +248,6 @@ def test_every_node_and_point_as_calculix(name: str, folder: Path) -> None:
 
 
 NLGEOM = "*STEP, NLGEOM"
-METAL = MATERIAL.replace("*DENSITY", "*PLASTIC\n1., 0.\n2., 0.1\n*DENSITY")
 
 
 def nonlinear(folder: Path, *steps: str, **blocks: str) -> Deck:
@@ -304,42 +303,6 @@ def test_amplitudes_bend_the_path(tmp_path: Path) -> None:
     np.testing.assert_allclose([step.factors for step in one.steps], np.eye(4)[:3])
 
 
-def test_loads_at_once(tmp_path: Path) -> None:
-    """AMPLITUDE=STEP: all of them by the end of the first increment."""
-    text = deck(step("*CLOAD", "22, 1, 2.", static="*STATIC, DIRECT\n.25, 1."))
-    found = load_deck(write(tmp_path, text.replace("*STEP", "*STEP, NLGEOM, AMPLITUDE=STEP")))
-    (one,) = found.steps
-    assert [state.time for state in (*one.path, one)] == [0.25, 1.0]
-    assert one.path[0].forces.sum() == 2.0
-    np.testing.assert_allclose(one.increments, [0.25, 0.5, 0.75, 1.0])
-
-
-def test_metal_takes_increments(tmp_path: Path) -> None:
-    """With a history each increment is a load step: they grow by half, as far as they may."""
-    static = "*STATIC\n0.1, 1., , 0.3"
-    found = nonlinear(tmp_path, step("*BOUNDARY", "RIGHT, 1, 1, 0.1", static=static),
-                      material=METAL, fixed=FIXED + "RIGHT, 1\n")  # fmt: skip
-    expected = [0.1, 0.25, 0.475, 0.775, 1.0]
-    np.testing.assert_allclose(found.steps[0].increments, expected, rtol=1e-14)
-    (solution,) = found.solve(backend="numpy")
-    np.testing.assert_allclose([one.factors[0] for one in solution.steps], expected)
-    # all of it flows: the stress is on the curve, 1 + 10 p
-    assert solution.steps[-1].stress is not None
-    p = solution.steps[-1].stress.nodal_plastic_strain
-    assert p is not None and 0.003 < p.min()
-
-
-def test_small_strain_takes_the_same_way(tmp_path: Path) -> None:
-    """Metal and rubber without NLGEOM are solved at finite strain all the same."""
-    plain = load_deck(write(tmp_path, deck(step("*CLOAD", "22, 3, 1."), material=METAL)))
-    assert plain.nonlinear and isinstance(plain.materials[0], gs.J2)
-    rubber = MATERIAL.replace("*ELASTIC\n200., 0.25", "*HYPERELASTIC, NEO HOOKE\n40., 0.02")
-    found = load_deck(write(tmp_path, deck(step("*CLOAD", "22, 3, 1."), material=rubber)))
-    law = found.materials[0]
-    assert isinstance(law, gs.fem.IsochoricNeoHookean)
-    np.testing.assert_allclose([law.shear, law.lame + 2 / 3 * law.shear], [80.0, 100.0])
-
-
 def test_an_analysis_that_ends_early(tmp_path: Path) -> None:
     """Steps that weren't reached have no load steps, and say why."""
     crushed = "RIGHT, 1, 1, -12."  # twice the length
@@ -384,29 +347,6 @@ def test_linear_steps_beside_others(heads: tuple[str, str], tmp_path: Path) -> N
         load_deck(write(tmp_path, deck(*parts)))
     parts = [step("*CLOAD", "22, 1, 1.").replace("*STEP", head) for head in (NLGEOM, "*STEP")]
     assert load_deck(write(tmp_path, deck(*parts))).nonlinear
-
-
-@pytest.mark.parametrize(
-    ("cards", "message"),
-    [
-        ("*ELASTIC\n200., 0.25\n*PLASTIC, HARDENING=KINEMATIC\n1., 0.", "=KINEMATIC isn't"),
-        ("*ELASTIC\n200., 0.25\n*PLASTIC\n1., 0., 20.\n0.5, 0., 90.", "different temperatures"),
-        ("*ELASTIC\n200., 0.25\n*PLASTIC\n1., 0.\n0.5, 0.1", "ones that don't fall"),
-        ("*ELASTIC\n200., 0.25\n*PLASTIC\n1., 0.1", "the first pair"),
-        ("*ELASTIC\n200., 0.25\n*CYCLIC HARDENING\n1., 0.", "*CYCLIC HARDENING: not supported"),
-        ("*ELASTIC\n200., 0.25\n*HYPERELASTIC, NEO HOOKE\n1., 0.1", "either *HYPERELASTIC, or"),
-        ("*PLASTIC\n1., 0.", "either *HYPERELASTIC, or"),
-        ("*HYPERELASTIC, OGDEN\n1., 2., 0.1", "OGDEN isn't supported"),
-        ("*HYPERELASTIC\n1., 0.1", "NEO HOOKE"),
-        ("*HYPERELASTIC, NEO HOOKE\n1., 0.", "numbers above 0"),
-        ("*HYPERELASTIC, NEO HOOKE\n1.", "expected C10, D1"),
-    ],
-)  # fmt: skip
-def test_materials_that_are_refused(cards: str, message: str, tmp_path: Path) -> None:
-    material = MATERIAL.replace("*ELASTIC\n200., 0.25", cards)
-    with pytest.raises(InputError) as caught:
-        load_deck(write(tmp_path, deck(step("*CLOAD", "22, 1, 1."), material=material)))
-    assert message in str(caught.value)
 
 
 def test_the_command_tells_of_load_steps(tmp_path: Path) -> None:
