@@ -32,7 +32,7 @@ class Moment:
     factors: Float
     share: float = 1.0
 
-    def of(self, new: Float, follows: Int, old: Float) -> Float:
+    def of(self, new: Float | float, follows: Int | int, old: Float | float) -> Float:
         """Loads, of values ``new``, that follow an amplitude, or ramp up from ``old``."""
         ramp = (1.0 - self.share) * old + self.share * new
         return np.where(follows, new * self.factors[follows], ramp)

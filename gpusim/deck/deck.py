@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -99,35 +100,26 @@ class Deck:
         no equilibrium is found in one of them, the later ones have none, and the displacements
         that were reached. Arguments and errors are those of ``gpusim.fem.solve``.
         """
+        solved = partial(
+            solve,
+            device=device,
+            tolerance=tolerance,
+            formulation=self.formulation,
+            backend=backend,
+            method=method,
+            progress=progress,
+        )
         if self.nonlinear:
             path = LoadPath(self.steps)
-            whole = solve(
-                self._model(path.states),
-                device,
-                tolerance=tolerance,
-                geometry="nonlinear",
-                factors=path.factors,
-                formulation=self.formulation,
-                backend=backend,
-                method=method,
-                progress=progress,
-            )
-            return path.solutions(whole)
+            model = self._model(path.states)
+            return path.solutions(solved(model, geometry="nonlinear", factors=path.factors))
         found: dict[int, Solution] = {}
         waiting = list(self.steps)
         while waiting:
             first = waiting[0]
             group = [step for step in waiting if step.held_as(first)]
             waiting = [step for step in waiting if step not in group]
-            both = solve(
-                self._model(group),
-                device,
-                tolerance=tolerance,
-                formulation=self.formulation,
-                backend=backend,
-                method=method,
-                progress=progress,
-            )
+            both = solved(self._model(group))
             found |= {step.number: _case(both, k) for k, step in enumerate(group)}
         return tuple(found[step.number] for step in self.steps)
 

@@ -81,8 +81,7 @@ class _BodyLoad:
     old: float = 0.0
 
     def at(self, moment: Moment) -> float:
-        new, follows, old = np.array(self.value), np.array(self.scale.follows), np.array(self.old)
-        return float(moment.of(new, follows, old))
+        return float(moment.of(self.value, self.scale.follows, self.old))
 
     def adds(self, other: _BodyLoad) -> bool:
         """Whether another load is more of this one, or takes its place; it does then."""

@@ -172,7 +172,7 @@ class History:
                     "*EQUATION before the first step, with other values inside of steps)"
                 )
         wanted = np.array([self.time])
-        if self.body.has_history or increments.equal:
+        if self.body.has_history or (self.body.nonlinear and increments.equal):
             wanted = interval.begin + increments.ends(step.card)
             wanted[-1] = self.time
         wanted = merged(on_the_way, wanted, increments.period)

@@ -34,3 +34,9 @@ def test_metal_takes_increments(tmp_path: Path) -> None:
     assert solution.steps[-1].stress is not None
     p = solution.steps[-1].stress.nodal_plastic_strain
     assert p is not None and 0.003 < p.min()
+
+
+def test_increments_of_a_linear_step_are_of_no_account(tmp_path: Path) -> None:
+    one = step("*CLOAD", "22, 3, 1.", static="*STATIC, DIRECT\n0.001, 1.")
+    found = load_deck(write(tmp_path, deck(one)))
+    assert not found.nonlinear and found.steps[0].increments.tolist() == [1.0]
