@@ -24,6 +24,7 @@ from __future__ import annotations
 from gpusim.fem.linear.solve_plan import METHODS
 from gpusim.fem.materials.hardening import Voce
 from gpusim.fem.materials.hencky import Hencky
+from gpusim.fem.materials.isochoric_neo_hookean import IsochoricNeoHookean
 from gpusim.fem.materials.isotropic import Isotropic
 from gpusim.fem.materials.j2 import J2
 from gpusim.fem.materials.law import Law, Material, Update
@@ -55,6 +56,7 @@ __all__ = [
     "Equations",
     "FollowerPressure",
     "Hencky",
+    "IsochoricNeoHookean",
     "Isotropic",
     "Law",
     "LoadStep",

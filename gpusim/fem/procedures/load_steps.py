@@ -55,7 +55,7 @@ def load_steps(
             _by_halving(equation, solver, stepping, wanted)
         except NotConverged:
             try:
-                if equation.prescribed(target - begin).any() or not stepping.substeps:
+                if not (equation.by_forces_alone(target - begin) and stepping.substeps):
                     _by_halving(equation, solver, stepping, any_end)
                 else:
                     for point in _by_arc_length(equation, solver, stepping, any_end):

@@ -19,6 +19,7 @@ ELASTIC = [
     WOOD,
     gs.SaintVenantKirchhoff(70e3, 0.33),
     gs.NeoHookean(3.0, 0.45),
+    gs.fem.IsochoricNeoHookean(3.0, 0.45),
     gs.Hencky(2e3, -0.2),
 ]
 PLASTIC = [
