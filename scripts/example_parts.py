@@ -1,4 +1,4 @@
-"""Makes the parts of examples/plate_hole_stereo.toml and examples/curved_stereo.toml with Gmsh.
+"""Makes the parts of examples/plate_hole_stereo.toml, curved_stereo.toml and ring.toml with Gmsh.
 
 python scripts/example_parts.py
 """
@@ -26,8 +26,38 @@ def vessel() -> None:
     gmsh.model.occ.cut([(3, outside)], [(3, inside)])
 
 
+def ring() -> None:
+    """A ring about y of radius 50, 1 mm thick and 2 mm wide: a mesh of 128 quadratic bricks."""
+    radii, wide, quarters = (49.5, 50.5), 2.0, ((1, 0), (0, 1), (-1, 0), (0, -1))
+    geo = gmsh.model.geo
+    centre = geo.addPoint(0.0, -0.5 * wide, 0.0)
+    corners = [[geo.addPoint(r * x, -0.5 * wide, r * z) for x, z in quarters] for r in radii]
+    spokes = [geo.addLine(inside, outside) for inside, outside in zip(*corners, strict=True)]
+    for k in range(4):
+        after = (k + 1) % 4
+        inside, outside = (geo.addCircleArc(row[k], centre, row[after]) for row in corners)
+        loop = geo.addCurveLoop([spokes[k], outside, -spokes[after], -inside])
+        face = geo.addPlaneSurface([loop])
+        for arc in (inside, outside):
+            geo.mesh.setTransfiniteCurve(arc, 33)
+        geo.mesh.setTransfiniteSurface(face)
+        geo.mesh.setRecombine(2, face)
+        geo.extrude([(2, face)], 0.0, wide, 0.0, numElements=[1], recombine=True)
+    for spoke in spokes:
+        geo.mesh.setTransfiniteCurve(spoke, 2)
+
+
+def write_mesh() -> None:
+    """Of the model, with midside nodes on its curves."""
+    gmsh.model.addPhysicalGroup(3, [tag for _, tag in gmsh.model.getEntities(3)], name="ring")
+    gmsh.option.setNumber("Mesh.SecondOrderIncomplete", 1)
+    gmsh.model.mesh.generate(3)
+    gmsh.model.mesh.setOrder(2)
+    gmsh.write(str(OUT / "ring.msh"))
+
+
 def main() -> None:
-    """Write both files."""
+    """Write the files."""
     gmsh.initialize()
     gmsh.option.setNumber("General.Verbosity", 0)
     for part in (plate_hole, vessel):
@@ -35,6 +65,10 @@ def main() -> None:
         part()
         gmsh.model.occ.synchronize()
         gmsh.write(str(OUT / f"{part.__name__}.step"))
+    gmsh.clear()
+    ring()
+    gmsh.model.geo.synchronize()
+    write_mesh()
     gmsh.finalize()
 
 

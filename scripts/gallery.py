@@ -131,6 +131,17 @@ def maps(
         return small(Path(folder, "figures", figure), part)
 
 
+def exposures(example: str, camera: str, width: int) -> Picture:
+    """All frames of an example in one picture: the darkest that each pixel sees."""
+    scene = gs.load_scene(ROOT / "examples" / f"{example}.toml", {"measure": []})
+    with tempfile.TemporaryDirectory() as folder:
+        gs.run(scene, folder)
+        paths = sorted(Path(folder, "images", camera).glob("*.png"))
+        image = np.minimum.reduce([cv2.imread(str(path)) for path in paths])
+    size = width, round(width * len(image) / image.shape[1])
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA)[..., ::-1], np.uint8)
+
+
 def small(path: Path, part: float) -> Picture:
     """A figure, or the upper part of it, as large as a page shows it sharply."""
     image = cv2.imread(str(path))
@@ -362,6 +373,10 @@ PICTURES: dict[str, Callable[[], Picture]] = {
     "plate_truth": plate_truth,
     "plate_hole_maps": lambda: maps("plate_hole_stereo", "field-strain.png"),
     "vessel_maps": lambda: maps("curved_stereo", "wall-strain.png"),
+    "tensile_maps": lambda: maps("tensile", "field-strain.png"),
+    "tensile_load": lambda: maps("tensile", "load-path.png"),
+    "coil": lambda: exposures("coil", "side", 720),
+    "ring": lambda: exposures("ring", "front", 480),
     "rigid_shift_parts": lambda: maps(
         "rigid_shift", "field-parts-displacements.png", gs.explain, 1 / 3
     ),

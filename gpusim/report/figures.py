@@ -219,24 +219,27 @@ def draw_load_path(load_path: LoadPath, path: PathLike) -> Figure:
     factor."""
     moved = load_path.displacement_mm, "Displacement (mm)"
     load = load_path.reaction_N, "Resultant reaction (N)"
-    linear = load_path.linear_mm
-    factors = load_path.factors, load_path.word.capitalize()
-    if linear or not load_path.held:  # by linear theory supports take other forces
-        load = factors
-    over_load = not load_path.held and not linear
+    linear = load_path.linear_mm, load_path.linear_N
+    if load_path.support:
+        load = load_path.reaction_N, f"Force of {load_path.support} (N)"
+    if not load_path.held:
+        load = load_path.factors, load_path.word.capitalize()
+        linear = load_path.linear_mm, load_path.factors
+    over_load = not load_path.held and not load_path.linear_mm
     across, up = (load, moved) if over_load else (moved, load)
 
     def draw(canvas: Canvas) -> None:
         axes = canvas.subplots()
         axes.plot(across[0], up[0], "o-", color=TRUTH, linewidth=1.8, markersize=5)
-        if linear:
-            axes.plot(linear, up[0], "--", color=MUTED, linewidth=1.2)
+        if load_path.linear_mm:
+            axes.set_ylim(axes.get_ylim())  # the line leaves them where metal yields
+            axes.plot(*linear, "--", color=MUTED, linewidth=1.2)
         axes.set(xlabel=across[1], ylabel=up[1])
 
     draw_png(path, (_WIDTH, 3.4), draw)
     place = ", ".join(f"{value:.4g}" for value in load_path.position_mm)
     caption = f"Of the point at ({place}) mm of {load_path.body}, which moves most."
-    caption += " Dashed: by linear theory." if linear else ""
+    caption += " Dashed: by linear theory." if load_path.linear_mm else ""
     return Figure(Path(path), "Load and displacement", caption)
 
 

@@ -77,8 +77,9 @@ class LoadStepRow:
 class LoadPath:
     """How the node of ``body`` that moves most, at ``position_mm``, goes with the load: in each of
     ``frames`` the load ``factors`` (what they are: ``word``), its ``displacement_mm`` along the way
-    that it moves, and the resultant ``reaction_N`` in the body's supports; ``linear_mm``: the
-    displacement by linear theory, of a body that isn't solved by it."""
+    that it moves, and the resultant ``reaction_N`` in the body's supports, or that of the
+    ``support`` which moves it; ``linear_mm``, ``linear_N``: by linear theory, of a body that isn't
+    solved by it."""
 
     body: str
     position_mm: Triple
@@ -88,6 +89,8 @@ class LoadPath:
     displacement_mm: tuple[float, ...]
     reaction_N: tuple[float, ...]
     linear_mm: tuple[float, ...] = ()
+    linear_N: tuple[float, ...] = ()
+    support: str = ""
 
     @property
     def held(self) -> bool:

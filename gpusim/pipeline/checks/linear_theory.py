@@ -76,7 +76,7 @@ class LinearError:
         return (
             f"by linear theory displacements differ by {1e3 * self.reach:.3g} mm in frame "
             f"{self.frame}, {100 * self.reach / self.size:.3g} % of its size: are units, loads and "
-            "moduli meant so?"
+            'moduli meant so? Then say [analysis] geometry = "nonlinear"'
         )
 
     @property

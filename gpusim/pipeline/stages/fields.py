@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import cv2
 import numpy as np
@@ -16,6 +16,7 @@ from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
 from gpusim.motion import Stepped
+from gpusim.pipeline.checks.linear_theory import FORCES
 from gpusim.pipeline.notes import notes_of
 from gpusim.pipeline.scene_objects.cameras import build_camera
 from gpusim.pipeline.scene_objects.load_steps import step_fields
@@ -146,32 +147,56 @@ def _load_path(
     solved: SceneSolution | None,
 ) -> LoadPath:
     """Of the node that moves most, along the way that it moves; the forces in its body's supports
-    along their resultant."""
+    along their resultant, or on one that is moved along the greatest of them."""
     far = [float(np.linalg.norm(body.u, axis=1).max()) for body in bodies]
     number = int(np.argmax(far))
     body, motion = bodies[number], objects.motions[number]
     node = int(np.linalg.norm(body.u, axis=1).argmax())
     shown = np.unique(np.linspace(0, len(frames) - 1, min(len(frames), MOST_STATES)).astype(int))
-    moved, forces, linear = np.zeros((3, len(shown), 3))
+    moved, forces, linear, linear_forces = np.zeros((4, len(shown), 3))
     sizes = [0.0]
+    driven = _driven(objects, frames, number)
+    held = slice(None) if driven is None else slice(driven, driven + 1)
     for k, frame in enumerate(shown):
         state = frames[frame].shown.states[number]
         if state is not None and motion is not None:
             moved[k] = motion.displacement(state)[node]
             reactions = motion.reactions(state)
-            forces[k] = reactions.sum(axis=0)
+            forces[k] = reactions[held].sum(axis=0)
             if solved is not None:
-                linear[k] = np.array(state[: len(solved.u[number])]) @ solved.u[number][:, node]
+                by_theory, weights = solved.superposed(number), state[: len(solved.u[number])]
+                linear[k] = by_theory.displacement(weights)[node]
+                linear_forces[k] = by_theory.reactions(weights)[held].sum(axis=0)
             sizes.append(float(np.linalg.norm(reactions, axis=1).sum()))
-    if not np.linalg.norm(forces, axis=1).max() > ROUNDED * max(sizes):
-        forces[:] = 0.0
+    loads = objects.bodies[number].body.loads
+    pulled = driven is not None or any(isinstance(load, FORCES) for load in loads)
+    if not (pulled and np.linalg.norm(forces, axis=1).max() > ROUNDED * max(sizes)):
+        forces[:] = 0.0  # what heat alone moves holds itself
     x, y, z = (1e3 * body.skin.mesh.points[node]).tolist()
-    return LoadPath(
+    path = LoadPath(
         body.name, (x, y, z), word.replace("_", " "), tuple(shown.tolist()),
         tuple(frames[frame].factor for frame in shown),
         tuple((1e3 * _along(moved)).tolist()), tuple(_along(forces).tolist()),
-        tuple((1e3 * _along(linear, moved)).tolist()) if isinstance(motion, Stepped) else (),
+        support="" if driven is None else objects.bodies[number].body.supports[driven].name,
     )  # fmt: skip
+    if not isinstance(motion, Stepped):
+        return path
+    return replace(
+        path,
+        linear_mm=tuple((1e3 * _along(linear, moved)).tolist()),
+        linear_N=tuple(_along(linear_forces, forces).tolist()),
+    )
+
+
+def _driven(objects: MovingBodies, frames: FrameTable, number: int) -> int | None:
+    """Which of a body's supports moves it with the greatest force, if any does: together, they
+    would hold each other."""
+    supports, motion = objects.bodies[number].body.supports, objects.motions[number]
+    moving = [k for k, support in enumerate(supports) if any(support.displacement_mm)]
+    states = [frame.shown.states[number] for frame in frames]
+    forces = [motion.reactions(one) for one in states if one is not None and motion is not None]
+    sizes = [max(np.linalg.norm(one[k]) for one in forces if k < len(one)) for k in moving]
+    return moving[int(np.argmax(sizes))] if moving else None
 
 
 def _along(vectors: Float, way: Float | None = None) -> Float:

@@ -113,3 +113,25 @@ def test_what_has_not_moved_is_not_drawn(device: Device, tmp_path: Path) -> None
 def test_without_a_device_there_are_numbers_but_no_pictures(tmp_path: Path) -> None:
     report = gs.run(plain(camera=[]), tmp_path, backend="numpy")
     assert report.fields == () and report.load_path is not None
+
+
+def test_the_load_of_a_body_that_a_support_moves_is_that_support_s(
+    device: Device, tmp_path: Path
+) -> None:
+    """Together the two grips of a tensile test hold each other; metal that yields leaves the
+    dashed line of linear theory."""
+    material = [{**DOCUMENT["material"][0], "type": "j2", "yield_stress_MPa": 40.0,
+                 "hardening_MPa": 500.0}]  # fmt: skip
+    body = copy.deepcopy(DOCUMENT["body"])
+    clamp = body[0]["support"][0]
+    pull = {"name": "grip", "where": {"set": "x_max"}, "displacement_mm": [0.3, 0.0, 0.0]}
+    body[0] |= {"support": [clamp, pull], "load": []}
+    analysis = {"load_factors": [0.0, 0.1, 1.0]}
+    made = plain(material=material, body=body, camera=[], analysis=analysis)
+    path = gs.run(made, tmp_path, backend="gpu").load_path
+    assert path is not None and path.support == "grip" and path.held
+    np.testing.assert_allclose(path.displacement_mm, [0.0, 0.03, 0.3], rtol=1e-9)
+    np.testing.assert_allclose(path.linear_mm, path.displacement_mm, rtol=1e-9)
+    _, elastic, flowing = path.reaction_N
+    assert elastic == pytest.approx(path.linear_N[1], rel=1e-3) and elastic > 0.0
+    assert flowing < 0.6 * path.linear_N[2]

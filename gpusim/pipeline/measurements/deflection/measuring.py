@@ -127,11 +127,26 @@ def _curves(marks: MarkerSet, objects: SceneObjects, last: int, plane: Float) ->
         own = np.array([marker.position for marker in paint.markers])
         share = np.linspace(0.0, 1.0, TRUTH_POINTS)[:, None]
         line = own[0] + share * (own[-1] - own[0])
-        nodes, weights = skin.locate(line)
-        along = 1e3 * np.linalg.norm(line - own[0], axis=1)
+        known = line if _in_a_row(own) else own  # between others there may be no surface
+        nodes, weights = skin.locate(known)
         values = 1e3 * np.einsum("mk,mka->ma", weights, u[nodes]) @ plane.T
+        if known is own:
+            line, values = (_between(one, share[:, 0]) for one in (own, values))
+        along = 1e3 * np.linalg.norm(line - own[0], axis=1)
         curves.append(np.concatenate([along[None], values.T]))
     return np.array(curves)
+
+
+def _in_a_row(points: Float) -> bool:
+    """Whether points (M, 3) lie on a straight line, to a millionth of its length."""
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(spread[1:].max(initial=0.0) <= 1e-6 * spread[0])
+
+
+def _between(values: Float, share: Float) -> Float:
+    """Rows of ``values`` (M, n), interpolated at shares (K,) of the way from first to last."""
+    places = np.linspace(0.0, 1.0, len(values))
+    return np.stack([np.interp(share, places, column) for column in values.T], axis=1)
 
 
 def _checks(spec: m.DeflectionTable, scene: Scene, unloaded: Unloaded) -> list[str]:
