@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from numbers import Integral
 
 import numpy as np
 
 from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.fem.elements.element import FaceElement, face_element, face_groups
+from gpusim.fem.materials.constants import constant
 from gpusim.field_summary import field_summary
 from gpusim.mesh import Faces
 from gpusim.validation import require
@@ -40,8 +42,9 @@ class FollowerPressure:
     def __post_init__(self) -> None:
         require(isinstance(self.faces, Faces), "FollowerPressure: faces", repr(self.faces), "Faces")
         require(len(self.faces) > 0, "FollowerPressure: faces", "none", "at least one")
-        value = self.value
-        require(np.isfinite(value), "FollowerPressure: value", value, "a finite number")
+        object.__setattr__(self, "value", constant(self.value, "FollowerPressure: value"))
+        whole = isinstance(self.case, Integral) and not isinstance(self.case, bool)
+        require(whole, "FollowerPressure: case", repr(self.case), "the number of a load case")
 
     def renumbered(self, place: Int, points: Float) -> FollowerPressure:
         """On a mesh in which node i is number ``place[i]``, with nodes at ``points`` (N,3)."""

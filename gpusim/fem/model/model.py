@@ -12,7 +12,7 @@ from gpusim.arrays.array_types import Bool, Float, Int
 from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.materials.law import Material
-from gpusim.fem.model.constraints import Equations, checked_constraints, touched
+from gpusim.fem.model.constraints import Equations, checked_constraints, objects_of, touched
 from gpusim.fem.model.follower_loads import FollowerPressure
 from gpusim.field_summary import field_summary
 from gpusim.mesh import Mesh
@@ -204,13 +204,11 @@ def _material_numbers(value: Any, cells: int, count: int) -> Int:
 
 
 def _following(loads: Any, mesh: Mesh, cases: int) -> tuple[FollowerPressure, ...]:
-    following = (loads,) if isinstance(loads, FollowerPressure) else tuple(loads)
+    following = objects_of(FollowerPressure, loads, "Model.loads")
     for number, one in enumerate(following):
         where = f"Model.loads[{number}]"
-        known = isinstance(one, FollowerPressure)
-        require(known, where, type(one).__name__, "a FollowerPressure (dead ones are forces)")
-        require(one.faces.points.shape == mesh.points.shape, where, "faces of another mesh",
-                "faces of the model's")  # fmt: skip
+        same = np.array_equal(one.faces.points, mesh.points)
+        require(same, where, "faces of another mesh", "faces of the model's")
         require(0 <= one.case < cases, f"{where}.case", one.case, f"0 … {cases - 1}")
     return following
 

@@ -80,7 +80,9 @@ class Solution:
         freedom. Their relative error may be far larger than that of u where stiff parts are held by
         soft ones.
     strain_energy, external_work : (L,), u.Ku/2 and (forces . u + reactions . u)/2; they agree
-        when the solve has converged.
+        when the solve has converged. Of a nonlinear analysis both are the work of loads and
+        supports from step to step by the trapezoidal rule, so that they tell no error: of one step
+        it may be off by half, of ten by a percent.
     unknowns : free degrees of freedom, less those that constraints give up. message : why the solve
         ended. warnings : what a reader should know (dangling nodes). timings : seconds per part.
         backend, real, method, element_classes, row_classes : how it was computed. reasons : the

@@ -66,7 +66,7 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
         reactions=last.reactions,
         strain_energy=np.array([work]),
         external_work=np.array([work]),
-        unknowns=int(equation.free.sum()),
+        unknowns=int(equation.unknown.sum()),
         message=message,
         warnings=(*_strain_warning(equation, last.u), *_stability_warning(controls, steps)),
         timings=options.clock.timings,

@@ -30,7 +30,7 @@ from gpusim.fem.procedures.nonlinear_static import nonlinear_static
 from gpusim.gpu import Device
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.parallel.machine import keep_freed_memory
-from gpusim.validation import finite_numbers, require, require_one_of, unmasked
+from gpusim.validation import as_float64, finite_numbers, require, require_one_of, unmasked
 
 GEOMETRIES = ("linear", "nonlinear")
 
@@ -72,12 +72,15 @@ def solve(
     formulation : integration or enrichment by name, for all cells or per type; see
         ``gpusim.fem.elements.element``. The default is "incompatible" for hex8, "full" otherwise.
     backend : where multigrid iterates: "gpu", "numpy" (the twins, on all processors of the host),
-        or "auto": "gpu" where ``device`` is given or the adapter isn't a software one.
+        or "auto": "gpu" where ``device`` is given or the adapter isn't a software one. Large
+        displacements are always found on the host.
     method : "direct", "multigrid" (smoothed aggregation below geometric levels), or "auto": the
         cheaper of the two; direct also where multigrid doesn't converge.
-    max_iterations : of conjugate gradients, in each linear solution; None: 1000.
-    start : (N,3) or (L,N,3) displacements to begin from; a direct solver needs none.
-    progress : called with (iterations, estimated relative error), of this process's load cases.
+    max_iterations : of conjugate gradients by linear theory; None: 1000.
+    start : (N,3) or (L,N,3) displacements to begin from, by linear theory; a direct solver needs
+        none.
+    progress : called with (iterations, estimated relative error), of this process's load cases; in
+        a nonlinear analysis of each equilibrium by itself.
 
     Raises
     ------
@@ -109,6 +112,11 @@ def solve(
     require_one_of("solve: geometry", geometry, GEOMETRIES)
     if geometry == "linear":
         _refuse_finite_strain(model)
+        expected = "none by linear theory: its load cases are superposed, see Solution.u"
+        require(factors is None, "solve: factors", repr(factors), expected)
+    else:
+        expected = "none: equilibria are followed from rest"
+        require(start is None, "solve: start", type(start).__name__, expected)
     targets = None if geometry == "linear" else _targets(model, factors)
     keep_freed_memory()
     options = Options(method, device, backend, tolerance, max_iterations, _start(model, start),
@@ -133,7 +141,11 @@ def _solved(model: Model, targets: Float | None, options: Options) -> Solution:
         solution = linear_static(own, lattice, options)
     else:
         solution = nonlinear_static(own, targets, options)
-    return solution if numbering is None else replace(numbering.back(solution), model=model)
+    if numbering is not None:
+        solution = replace(numbering.back(solution), model=model)
+    dangling = len(model.mesh.dangling_nodes)
+    told = f"{dangling} nodes belong to no cell; they move only where it is prescribed"
+    return replace(solution, warnings=(told, *solution.warnings)) if dangling else solution
 
 
 def _check_arguments(
@@ -179,13 +191,12 @@ def _start(model: Model, start: npt.ArrayLike | None) -> Float | None:
 def _targets(model: Model, factors: npt.ArrayLike | None) -> Float:
     """(K,L) factors of the load cases, step by step."""
     cases = len(model.load_cases)
-    given = np.asarray([1.0] if factors is None else factors)
     expected = "(K,) finite numbers, K >= 1"
     if cases > 1:
         expected = f"(K, {cases}) finite numbers, K >= 1: how load cases add up in each step"
+    asked = [1.0] if factors is None else factors
+    given = as_float64(asked, "solve: factors", expected)
     require(given.size > 0, "solve: factors", "none", expected)
-    shapes = [(len(given), cases)] if given.ndim else [(1,)]
-    if cases == 1 and given.ndim == 1:
-        shapes = [given.shape]
-    return finite_numbers(factors if factors is not None else [1.0], "solve: factors", shapes,
-                          expected).reshape(-1, cases)  # fmt: skip
+    count = len(given) if given.ndim else 1
+    shapes = [(count, cases), (count,)] if cases == 1 else [(count, cases)]
+    return finite_numbers(asked, "solve: factors", shapes, expected).reshape(-1, cases)
