@@ -26,7 +26,6 @@ from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.model.solution import Solution
 from gpusim.fem.model.supports import check_supports
 from gpusim.fem.procedures.linear_static import linear_static
-from gpusim.fem.procedures.nonlinear_static import nonlinear_static
 from gpusim.gpu import Device
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.parallel.machine import keep_freed_memory
@@ -52,11 +51,9 @@ def solve(
 ) -> Solution:
     """Displacements of a static model, by linear theory or at large displacements.
 
-    By linear theory K u = f, to a stated error; which solver is cheaper is estimated from the mesh
-    (``Solution.method``, ``message``).
-
-    At large displacements each load step is an equilibrium found by Newton's method; steps that
-    fail are halved, limit points are passed by arc length. Cells of `Isotropic` and `Orthotropic`
+    By linear theory K u = f; which solver is cheaper is estimated from the mesh. At large
+    displacements each load step is an equilibrium found by Newton's method; steps that fail are
+    halved, limit points are passed by arc length. Cells of `Isotropic` and `Orthotropic`
     turn with their mean rotation and strain by 2 % at most; other laws hold for any strain.
 
     Parameters
@@ -110,14 +107,7 @@ def solve(
     """
     _check_arguments(model, device, tolerance, backend, max_iterations, method, progress)
     require_one_of("solve: geometry", geometry, GEOMETRIES)
-    if geometry == "linear":
-        _refuse_finite_strain(model)
-        expected = "none by linear theory: its load cases are superposed, see Solution.u"
-        require(factors is None, "solve: factors", repr(factors), expected)
-    else:
-        expected = "none: equilibria are followed from rest"
-        require(start is None, "solve: start", type(start).__name__, expected)
-    targets = None if geometry == "linear" else _targets(model, factors)
+    targets = _targets(model, geometry, factors, start)
     keep_freed_memory()
     options = Options(method, device, backend, tolerance, max_iterations, _start(model, start),
                       progress, resolve_formulation(model, formulation), Clock())  # fmt: skip
@@ -140,6 +130,9 @@ def _solved(model: Model, targets: Float | None, options: Options) -> Solution:
     if targets is None:
         solution = linear_static(own, lattice, options)
     else:
+        # what linear theory doesn't need isn't loaded
+        from gpusim.fem.procedures.nonlinear_static import nonlinear_static
+
         solution = nonlinear_static(own, targets, options)
     if numbering is not None:
         solution = replace(numbering.back(solution), model=model)
@@ -173,6 +166,20 @@ def _check_arguments(
     require(told, "solve: progress", repr(progress), "a function, or None")
 
 
+def _targets(
+    model: Model, geometry: str, factors: npt.ArrayLike | None, start: npt.ArrayLike | None
+) -> Float | None:
+    """(K,L) factors of the load cases, step by step; None by linear theory."""
+    if geometry == "linear":
+        _refuse_finite_strain(model)
+        expected = "none by linear theory: its load cases are superposed, see Solution.u"
+        require(factors is None, "solve: factors", repr(factors), expected)
+        return None
+    expected = "none: equilibria are followed from rest"
+    require(start is None, "solve: start", type(start).__name__, expected)
+    return _factors(model, factors)
+
+
 def _refuse_finite_strain(model: Model) -> None:
     for number, law in enumerate(model.materials):
         finite = isinstance(law, Law) and law.finite_strain
@@ -188,7 +195,7 @@ def _start(model: Model, start: npt.ArrayLike | None) -> Float | None:
     return np.broadcast_to(u, shape)
 
 
-def _targets(model: Model, factors: npt.ArrayLike | None) -> Float:
+def _factors(model: Model, factors: npt.ArrayLike | None) -> Float:
     """(K,L) factors of the load cases, step by step."""
     cases = len(model.load_cases)
     expected = "(K,) finite numbers, K >= 1"
