@@ -77,10 +77,9 @@ def solve(
     method : "direct", "multigrid" (smoothed aggregation below geometric levels), or "auto": the
         cheaper of the two; direct also where multigrid doesn't converge.
     max_iterations : of conjugate gradients by linear theory; None: 1000.
-    start : (N,3) or (L,N,3) displacements to begin from, by linear theory; a direct solver needs
-        none.
-    progress : called with (iterations, estimated relative error), of this process's load cases; in
-        a nonlinear analysis of each equilibrium by itself.
+    start : (N,3) or (L,N,3) to begin from, by linear theory; a direct solver needs none.
+    progress : called with (iterations, estimated relative error), of this process's load cases, or
+        of each equilibrium.
 
     Raises
     ------
@@ -109,15 +108,7 @@ def solve(
     ['0.391', '0.582']
     """
     _check_arguments(model, device, tolerance, backend, max_iterations, method, progress)
-    require_one_of("solve: geometry", geometry, GEOMETRIES)
-    if geometry == "linear":
-        _refuse_finite_strain(model)
-        expected = "none by linear theory: its load cases are superposed, see Solution.u"
-        require(factors is None, "solve: factors", repr(factors), expected)
-    else:
-        expected = "none: equilibria are followed from rest"
-        require(start is None, "solve: start", type(start).__name__, expected)
-    targets = None if geometry == "linear" else _targets(model, factors)
+    targets = _targets(model, geometry, factors, start)
     keep_freed_memory()
     options = Options(method, device, backend, tolerance, max_iterations, _start(model, start),
                       progress, resolve_formulation(model, formulation), Clock())  # fmt: skip
@@ -173,6 +164,22 @@ def _check_arguments(
     require(told, "solve: progress", repr(progress), "a function, or None")
 
 
+def _targets(
+    model: Model, geometry: str, factors: npt.ArrayLike | None, start: npt.ArrayLike | None
+) -> Float | None:
+    """Factors of the steps, see `_factors`; None by linear theory. Refuses what the analysis would
+    leave aside."""
+    require_one_of("solve: geometry", geometry, GEOMETRIES)
+    if geometry == "linear":
+        _refuse_finite_strain(model)
+        expected = "none by linear theory: its load cases are superposed, see Solution.u"
+        require(factors is None, "solve: factors", repr(factors), expected)
+        return None
+    expected = "none: equilibria are followed from rest"
+    require(start is None, "solve: start", type(start).__name__, expected)
+    return _factors(model, factors)
+
+
 def _refuse_finite_strain(model: Model) -> None:
     for number, law in enumerate(model.materials):
         finite = isinstance(law, Law) and law.finite_strain
@@ -188,7 +195,7 @@ def _start(model: Model, start: npt.ArrayLike | None) -> Float | None:
     return np.broadcast_to(u, shape)
 
 
-def _targets(model: Model, factors: npt.ArrayLike | None) -> Float:
+def _factors(model: Model, factors: npt.ArrayLike | None) -> Float:
     """(K,L) factors of the load cases, step by step."""
     cases = len(model.load_cases)
     expected = "(K,) finite numbers, K >= 1"
