@@ -74,10 +74,9 @@ def solve(
     method : "direct", "multigrid" (smoothed aggregation below geometric levels), or "auto": the
         cheaper of the two; direct also where multigrid doesn't converge.
     max_iterations : of conjugate gradients by linear theory; None: 1000.
-    start : (N,3) or (L,N,3) displacements to begin from, by linear theory; a direct solver needs
-        none.
-    progress : called with (iterations, estimated relative error), of this process's load cases; in
-        a nonlinear analysis of each equilibrium by itself.
+    start : (N,3) or (L,N,3) to begin from, by linear theory; a direct solver needs none.
+    progress : called with (iterations, estimated relative error), of this process's load cases, or
+        of each equilibrium.
 
     Raises
     ------
@@ -106,7 +105,6 @@ def solve(
     ['0.391', '0.582']
     """
     _check_arguments(model, device, tolerance, backend, max_iterations, method, progress)
-    require_one_of("solve: geometry", geometry, GEOMETRIES)
     targets = _targets(model, geometry, factors, start)
     keep_freed_memory()
     options = Options(method, device, backend, tolerance, max_iterations, _start(model, start),
@@ -169,7 +167,9 @@ def _check_arguments(
 def _targets(
     model: Model, geometry: str, factors: npt.ArrayLike | None, start: npt.ArrayLike | None
 ) -> Float | None:
-    """(K,L) factors of the load cases, step by step; None by linear theory."""
+    """Factors of the steps, see `_factors`; None by linear theory. Refuses what the analysis would
+    leave aside."""
+    require_one_of("solve: geometry", geometry, GEOMETRIES)
     if geometry == "linear":
         _refuse_finite_strain(model)
         expected = "none by linear theory: its load cases are superposed, see Solution.u"
