@@ -17,18 +17,17 @@ import numpy.typing as npt
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))  # its sources, not those of a wheel that is installed
 
+from gallery_runs import exposures, maps  # noqa: E402
 from gallery_shapes import FACE, SQUARE, ball, box, sheet, turned_body  # noqa: E402
 
 import gpusim as gs  # noqa: E402
 from gpusim.optics.light.studio import studio  # noqa: E402
-from gpusim.report.html import fitting  # noqa: E402
 
 Array = npt.NDArray[np.float64]
 Picture = npt.NDArray[np.uint8]
 """Red, green, blue, by the curve of sRGB."""
 OUT = ROOT / "docs" / "gallery"
 SIZE = (720, 480)
-MAPS_SIZE = 1000, 760  # at most
 LARGEST = 200_000
 """Bytes of a picture."""
 
@@ -119,35 +118,6 @@ def plate_truth() -> Picture:
     colours = cv2.applyColorMap(np.nan_to_num(level).astype(np.uint8), cv2.COLORMAP_VIRIDIS)
     colours[np.isnan(values)] = 255
     return np.asarray(colours[..., ::-1], np.uint8)
-
-
-def maps(
-    example: str, figure: str, work: Callable[..., gs.Report] = gs.run, part: float = 1.0
-) -> Picture:
-    """A figure of the report of an example, by `gpusim.run` or other ``work``; the upper ``part``
-    of it."""
-    with tempfile.TemporaryDirectory() as folder:
-        work(gs.load_scene(ROOT / "examples" / f"{example}.toml"), folder)
-        return small(Path(folder, "figures", figure), part)
-
-
-def exposures(example: str, camera: str, width: int) -> Picture:
-    """All frames of an example in one picture: the darkest that each pixel sees."""
-    scene = gs.load_scene(ROOT / "examples" / f"{example}.toml", {"measure": []})
-    with tempfile.TemporaryDirectory() as folder:
-        gs.run(scene, folder)
-        paths = sorted(Path(folder, "images", camera).glob("*.png"))
-        image = np.minimum.reduce([cv2.imread(str(path)) for path in paths])
-    size = width, round(width * len(image) / image.shape[1])
-    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA)[..., ::-1], np.uint8)
-
-
-def small(path: Path, part: float) -> Picture:
-    """A figure, or the upper part of it, as large as a page shows it sharply."""
-    image = cv2.imread(str(path))
-    image = image[: round(part * len(image))]
-    size = fitting(image.shape, *MAPS_SIZE)
-    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA)[..., ::-1], np.uint8)
 
 
 def rig() -> Picture:

@@ -36,7 +36,7 @@ CONCEPTS = {
     "optics/shading": "small_faces",
     "optics/shadow": "border contact edge_on render scenes shares sheets stages sunk_lamps",
     "parallel": "child_process copies helper_processes",
-    "pipeline": "analyses cad_plans elements",
+    "pipeline": "analyses cad_plans elements nonlinear_examples",
     "pipeline/measurements": "developed_pictures frames",
     "pipeline/measurements/dic": "large_motion",
     "pipeline/pictures": "target_window",
