@@ -17,7 +17,7 @@ import numpy.typing as npt
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))  # its sources, not those of a wheel that is installed
 
-from gallery_runs import exposures, maps  # noqa: E402
+from gallery_examples import exposures, maps  # noqa: E402
 from gallery_shapes import FACE, SQUARE, ball, box, sheet, turned_body  # noqa: E402
 
 import gpusim as gs  # noqa: E402

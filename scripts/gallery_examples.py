@@ -1,4 +1,4 @@
-"""Pictures of the gallery that runs of examples leave."""
+"""Pictures of the gallery that runs of the examples leave."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from gpusim.report.html import fitting
 ROOT = Path(__file__).resolve().parent.parent
 MAPS_SIZE = 1000, 760  # at most
 Picture = npt.NDArray[np.uint8]
+"""Red, green, blue, by the curve of sRGB."""
 
 
 def maps(
