@@ -61,11 +61,12 @@ def solve_deck(
     stress: bool = False,
     progress: Callable[[str, float, str], None] | None = None,
 ) -> DeckOutput:
-    """Solve the linear static steps of an input deck; write displacements and reactions.
+    """Solve the static steps of an input deck; write displacements and reactions.
 
     Written are ``solution_<step>.vtu`` (displacement ``u``, ``reaction``, ``temperature_change``
     where there is one; with ``stress`` the mean ``stress`` of each element over its
-    integration points, xx yy zz xy yz zx, and its ``von_mises``), ``solution.pvd``,
+    integration points, xx yy zz xy yz zx, and its ``von_mises``; where metal may flow the
+    ``plastic_strain``), ``solution.pvd``,
     ``displacements.npz`` (``node_labels`` (N,), ``points`` (N,3), ``u`` and ``reactions``
     (S,N,3)) and ``report.json``, which also tells of an error. Units are those of the deck.
 
@@ -100,7 +101,7 @@ def solve_deck(
             _write_report(folder, report | {"status": "failed", "error": str(error)})
             raise
         stresses = [
-            deck.point_stress(step.number, one.u) if stress else {}
+            deck.point_stress(step.number, one) if stress and _reached(deck, one) else {}
             for step, one in zip(deck.steps, solutions, strict=True)
         ]
         files = _write_solutions(deck, solutions, stresses, folder)
@@ -125,14 +126,31 @@ def solve_deck(
         return DeckOutput(deck, solutions, report, files, failure)
 
 
+def _reached(deck: Deck, solution: Solution) -> bool:
+    """Whether the analysis came to the end of the step of a solution."""
+    found = solution.steps
+    return not deck.nonlinear or bool(found and found[-1].stress is not None)
+
+
 def _solve_steps(
     deck: Deck,
     backend: str,
     tolerance: float,
     progress: Callable[[str, float, str], None] | None,
 ) -> tuple[Solution, ...]:
+    equilibria = 0
+
     def note(iterations: int, error: float) -> None:
-        if progress is not None:
+        nonlocal equilibria
+        if progress is None:
+            return
+        if deck.nonlinear:
+            # steps that fail are made anew, halved: the number of equilibria isn't known
+            equilibria += iterations == 1
+            wanted = sum(len(step.increments) for step in deck.steps)
+            text = f"equilibrium {equilibria} of {wanted} or more, iteration {iterations}, "
+            progress("solve", min(0.99, (equilibria - 1) / wanted), f"{text}{error:.1e}")
+        else:
             # half a decade of error is worth as much as the next one
             done = np.log(max(error, 1e-300)) / np.log(tolerance) if error < 1.0 else 0.0
             progress("solve", min(float(done), 0.99), f"{iterations} iterations, {error:.1e}")
@@ -181,6 +199,9 @@ def _write_solutions(
         if stress:
             mean = np.concatenate([points.mean(axis=1) for points in stress.values()])
             of_cell |= {"stress": mean, "von_mises": von_mises(mean)}
+            recovered = solution.steps[-1].stress if solution.steps else None
+            if recovered is not None and recovered.nodal_plastic_strain is not None:
+                fields["plastic_strain"] = recovered.nodal_plastic_strain
         write_vtu(
             inside(folder, name),
             deck.mesh.points,
@@ -210,12 +231,14 @@ def _step_report(deck: Deck, step: Step, solution: Solution, file: str) -> dict[
         "time": step.time,
         "unknowns": solution.unknowns,
         "iterations": solution.iterations,
+        "load_steps": len(solution.steps),
+        "newton_iterations": sum(len(one.iterations) for one in solution.steps),
         "converged": solution.converged,
         "error_estimate": solution.error_estimate,
         "message": solution.message,
         "largest_displacement": float(size.max()),
         "largest_displacement_node": int(deck.node_labels[np.argmax(size)]),
-        "force": step.forces.sum(axis=0).tolist(),
+        "force": step.forces_at(deck.mesh.points + solution.u).sum(axis=0).tolist(),
         "reaction": solution.reactions.sum(axis=0).tolist(),
         "strain_energy": float(solution.strain_energy[0]),
         "external_work": float(solution.external_work[0]),

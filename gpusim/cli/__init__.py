@@ -257,7 +257,7 @@ def solve(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Solve the linear static steps of an input deck and write displacements and reactions."""
+    """Solve the static steps of an input deck and write displacements and reactions."""
     with exit_codes():
         with importing():
             from gpusim.applications.decks import solve_deck

@@ -87,7 +87,8 @@ def print_calibration(report: Report, folder: Path) -> None:
 
 
 def print_deck(report: Mapping[str, Any], folder: Path) -> None:
-    """A line for each step: unknowns, iterations, largest displacement, reaction."""
+    """A line for each step: unknowns, iterations (of Newton's method where there are load steps),
+    largest displacement, reaction."""
     cells = ", ".join(
         f"{count} {kind} ({report['formulation'][kind]})" for kind, count in report["cells"].items()
     )
@@ -97,11 +98,14 @@ def print_deck(report: Mapping[str, Any], folder: Path) -> None:
     ]
     for step in report["steps"]:
         rows.append((
-            f"{step['number']}", f"{step['unknowns']}", f"{step['iterations']}",
+            f"{step['number']}", f"{step['unknowns']}",
+            f"{step['newton_iterations'] or step['iterations']}",
             f"{step['error_estimate']:.1e}", f"{step['largest_displacement']:.6g}",
             f"{step['largest_displacement_node']}", f"{step['strain_energy']:.6g}",
             ", ".join(f"{value:.6g}" for value in step["reaction"]),
         ))  # fmt: skip
+        if step["load_steps"] > 1:
+            rows.append(f"      in {step['load_steps']} load steps")
         if "largest_von_mises" in step:
             rows.append(
                 f"      largest von Mises stress {step['largest_von_mises']:.6g} in element "

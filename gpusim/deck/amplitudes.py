@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gpusim.arrays.array_types import Float
+from gpusim.arrays.array_types import Float, Int
 from gpusim.errors import InputError
 from gpusim.mesh.formats.abaqus.cards import Card, Names, number
 
@@ -16,44 +16,80 @@ from gpusim.mesh.formats.abaqus.cards import Card, Names, number
 class Scale:
     """What a load is multiplied by.
 
-    ``factor`` at once; ``follows`` numbers the amplitude over total time that it goes on to follow
-    in later steps, 0 for none. ``step`` is the number of the step that gives it, 0: before the
-    first.
+    ``follows`` numbers the amplitude over total time that it follows, 0 for none. ``step`` is the
+    number of the step that gives it, 0: before the first.
     """
 
-    factor: float = 1.0
     follows: int = 0
     step: int = 0
 
 
-class ScaledLoads:
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """A time: the value of each amplitude (the first is 1), and how much of the step is over by
+    then as ramps count it, 0 to 1."""
+
+    factors: Float
+    share: float = 1.0
+
+    def of(self, new: Float | float, follows: Int | int, old: Float | float) -> Float:
+        """Loads, of values ``new``, that follow an amplitude, or ramp up from ``old``."""
+        ramp = (1.0 - self.share) * old + self.share * new
+        return np.where(follows, new * self.factors[follows], ramp)
+
+
+class Ramped:
+    """Values in an array, each of which follows an amplitude or goes on a ramp from what it was at
+    the end of the step before."""
+
+    def __init__(self, initial: Float) -> None:
+        self.initial, self.old = initial, initial
+        self.values = initial.copy()
+        self.follows = np.zeros(initial.shape, dtype=np.int32)
+
+    def clear(self) -> None:
+        self.values[:] = self.initial
+        self.follows[:] = 0
+
+    def put(self, place: Any, value: float | Float, scale: Scale) -> None:
+        self.values[place] = value
+        self.follows[place] = scale.follows
+
+    def at(self, moment: Moment) -> Float:
+        return moment.of(self.values, self.follows, self.old)
+
+    def end(self, moment: Moment) -> None:
+        """A step has ended."""
+        self.old = self.at(moment)
+
+
+class ScaledLoads(Ramped):
     """Loads in an array, each with what it is multiplied by: given again in the same step they add
     up, in a later step they replace."""
 
     def __init__(self, *shape: int) -> None:
-        self.values = np.zeros(shape)
+        super().__init__(np.zeros(shape))
         self._steps = np.zeros(shape, dtype=np.int32)
-        self._follows = np.zeros(shape, dtype=np.int32)
-
-    def clear(self) -> None:
-        self.values[:] = 0.0
 
     def add(self, place: tuple[Any, Any], value: float, scale: Scale, where: str) -> None:
         """``value``, scaled, at a place of the array. Raises InputError for two amplitudes."""
         again = self._steps[place] == scale.step
-        if (again & (self._follows[place] != scale.follows)).any():
+        if (again & (self.follows[place] != scale.follows)).any():
             raise InputError(
                 f"{where}: two amplitudes for one degree of freedom or face in one step; expected "
                 "one"
             )
-        kept = np.where(again, self.values[place], 0.0)
-        self.values[place] = kept + scale.factor * value
+        self.put(place, np.where(again, self.values[place], 0.0) + value, scale)
         self._steps[place] = scale.step
-        self._follows[place] = scale.follows
 
-    def at(self, factors: Float) -> Float:
-        """All of them, with the value of each amplitude that is followed; the first is 1."""
-        return np.asarray(self.values * factors[self._follows])
+
+@dataclass(frozen=True)
+class Interval:
+    """The time of step ``number``: its ``begin`` in total time, and its ``period``."""
+
+    number: int
+    begin: float
+    period: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +100,13 @@ class _Amplitude:
 
     def at(self, time: float) -> float:
         return float(np.interp(time, self.times, self.factors))
+
+    def within(self, step: Interval, number: int) -> _Amplitude:
+        """The same over total time, in a step, and as it is at its end from then on."""
+        inside = self.times < step.period
+        times = np.append(self.times[inside], step.period)
+        factors = np.append(self.factors[inside], self.at(step.period))
+        return _Amplitude(step.begin + times, factors, number)
 
 
 class Amplitudes:
@@ -76,6 +119,7 @@ class Amplitudes:
     def __init__(self) -> None:
         self.known: Names[_Amplitude] = Names("amplitude")
         self.following: list[_Amplitude] = []
+        self._within: dict[tuple[int, int], int] = {}
 
     def read(self, card: Card) -> None:
         name = card.parameters.get("NAME", "")
@@ -92,14 +136,29 @@ class Amplitudes:
         if total:
             self.following.append(one)
 
-    def scale(self, card: Card, step: int, period: float) -> Scale:
-        """For a load card in a step, by its number and length. Raises InputError."""
+    def scale(self, card: Card, step: Interval) -> Scale:
+        """For a load card in a step. Raises InputError."""
         name = card.parameters.get("AMPLITUDE", "")
         if not name:
-            return Scale(step=step)
+            return Scale(step=step.number)
         one = self.known.get(name, card.where())
-        return Scale(1.0 if one.number else one.at(period), one.number, step)
+        if one.number:
+            return Scale(one.number, step.number)
+        key = (id(one), step.number)
+        if key not in self._within:
+            self.following.append(one.within(step, len(self.following) + 1))
+            self._within[key] = len(self.following)
+        return Scale(self._within[key], step.number)
 
     def factors(self, time: float) -> Float:
         """Value at a total time of each amplitude that is followed; the first is 1."""
         return np.array([1.0, *(one.at(time) for one in self.following)])
+
+    def corners(self, step: Interval, first: float) -> Float:
+        """Total times in a step at which what is followed bends, and the end of its ``first``
+        increment, by which loads that don't begin at zero are there; empty: nothing goes on."""
+        times = [one.times for one in self.following if one.times[-1] > step.begin]
+        if not times:
+            return np.zeros(0)
+        every = np.unique(np.concatenate([[step.begin + first], *times]))
+        return every[(every > step.begin) & (every < step.begin + step.period)]

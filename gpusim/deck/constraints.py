@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float
-from gpusim.deck.amplitudes import Scale
+from gpusim.deck.amplitudes import Moment, Ramped, Scale
 from gpusim.errors import InputError
 from gpusim.fem.model.constraints import NEAR, Equations, follow
 from gpusim.mesh import set_faces
@@ -106,15 +106,14 @@ class Axes:
 
 
 class Constraints:
-    """Supports and equations; ``assembled`` gives what acts at the end of a step."""
+    """Supports and equations; ``assembled`` gives what acts at a moment of a step."""
 
     def __init__(self, content: InpContent, axes: Axes) -> None:
         self.content = content
         self.axes = axes
         count = len(content.node_labels)
         self.fixed = np.zeros((count, 3), dtype=bool)
-        self.value = np.zeros((count, 3))
-        self.follows = np.zeros((count, 3), dtype=np.int32)
+        self.given = Ramped(np.zeros((count, 3)))
         self.equations: list[list[tuple[int, int, float]]] = []
         self.ties: list[Equations] = []
         self._rows: list[Row] = []
@@ -122,13 +121,13 @@ class Constraints:
 
     def clear(self) -> None:
         self.fixed[:] = False
-        self.value[:] = 0.0
+        self.given.clear()
 
     def boundary(self, card: Card, scale: Scale) -> None:
         """*BOUNDARY: node or set, first and last degree of freedom, value."""
         for where, row in card.records(2, None, "node or set, degree of freedom, …"):
             nodes = self.content.node_rows(row[0], where)
-            value = scale.factor * number(row[3], where) if len(row) > 3 and row[3] else 0.0
+            value = number(row[3], where) if len(row) > 3 and row[3] else 0.0
             group = _GROUPS.get(row[1].upper())
             if group is None:
                 first = whole(row[1], where)
@@ -139,8 +138,7 @@ class Constraints:
             require(fits, f"{where}: displacement before the first step", f"{value:g}", expected)
             for axis in group:
                 self.fixed[nodes, axis] = True
-                self.value[nodes, axis] = value
-                self.follows[nodes, axis] = scale.follows
+                self.given.put((nodes, axis), value, scale)
 
     def equation(self, card: Card) -> None:
         """*EQUATION: the number of terms, then node, degree of freedom, coefficient of each."""
@@ -166,12 +164,9 @@ class Constraints:
                 terms.append((int(node), axis - 1, number(fields[k + 2], where)))
             self.equations.append(terms)
 
-    def assembled(self, factors: Float) -> tuple[Bool, Float, tuple[Equations, ...]]:
-        """``fixed`` and ``prescribed`` in global axes, and equations for what these can't say.
-
-        ``factors`` : value of each amplitude that supports follow; the first is 1.
-        """
-        given = self.value * factors[self.follows]
+    def assembled(self, moment: Moment) -> tuple[Bool, Float, tuple[Equations, ...]]:
+        """``fixed`` and ``prescribed`` in global axes, and equations for what these can't say."""
+        given = self.given.at(moment)
         fixed, value = self.fixed.copy(), given.copy()
         rows: list[Row] = []
         for node, axes in self.axes.rows.items():

@@ -1,59 +1,37 @@
-"""A deck: mesh, materials, and one linear static problem for each step."""
+"""A deck: mesh, materials, and one static problem for each step."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.array_types import Bool, Float, Int, Long
+from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.deck.initial_state import point_stresses
+from gpusim.deck.load_path import LoadPath
+from gpusim.deck.step import Step
 from gpusim.errors import InputError
-from gpusim.fem import Equations, Material, Model, Solution, solve
+from gpusim.fem import Material, Model, Solution, solve
 from gpusim.field_summary import field_summary
 from gpusim.gpu import Device
 from gpusim.mesh import Mesh
 from gpusim.validation import require, unmasked
 
 
-@dataclass(frozen=True, eq=False)
-class Step:
-    """The state at the end of a step: everything that acts then, also from earlier steps.
-
-    ``number`` counts from 1, ``name`` is the deck's (or empty), ``time`` the end of the step in
-    total time. ``fixed`` (N,3) bool, ``prescribed`` and ``forces`` (N,3) float64 as in a
-    ``Model``; ``forces`` holds the equivalent forces of temperature too. ``temperature`` (N,) is
-    the change against the initial one, None where there is none. ``constraints`` are ties,
-    *EQUATION and supports in turned axes, as in a ``Model``.
-
-    Examples
-    --------
-    >>> step = gs.load_deck("bricks.inp").steps[0]
-    >>> step.number, step.time, int(step.fixed.sum())
-    (1, 1.0, 12)
-    """
-
-    number: int
-    name: str
-    time: float
-    fixed: Bool
-    prescribed: Float
-    forces: Float
-    temperature: Float | None
-    constraints: tuple[Equations, ...]
-    __repr__ = field_summary
-
-    def held_as(self, other: Step) -> bool:
-        """Whether both hold the same degrees of freedom, by the same constraints."""
-        return np.array_equal(self.fixed, other.fixed) and self.constraints == other.constraints
-
-
 @unmasked()
 @dataclass(frozen=True, eq=False)
 class Deck:
-    """A linear static analysis as an input file describes it; units are the file's.
+    """A static analysis as an input file describes it; units are the file's.
+
+    It is ``nonlinear`` with NLGEOM, and with *PLASTIC or *HYPERELASTIC also without: all of it is
+    then solved at large displacements, in one analysis in which each step goes on from the one
+    before. Materials are as CalculiX has them with NLGEOM: *ELASTIC holds between second
+    Piola-Kirchhoff stress and Green-Lagrange strain; *PLASTIC is `gpusim.fem.J2`, which differs
+    from plasticity at small strain by about the square of the strain.
 
     mesh : nodes in the order of their labels; sets and surfaces by name.
     node_labels, cell_labels : (N,), (M,) the file's numbers; of further instances of parts, counted
@@ -86,6 +64,7 @@ class Deck:
     node_axes: Mapping[int, Float]
     initial_stress: Mapping[str, Float]
     ignored: Sequence[str]
+    nonlinear: bool = False
     __repr__ = field_summary
 
     def model(self, *numbers: int) -> Model:
@@ -116,36 +95,50 @@ class Deck:
     ) -> tuple[Solution, ...]:
         """The solution of each step; ``u`` is (N,3).
 
-        Steps with the same supports and constraints are solved together as load cases. Arguments
-        and errors are those of ``gpusim.fem.solve``.
+        Steps with the same supports and constraints are solved together as load cases; those of a
+        nonlinear deck one after the other, and ``Solution.steps`` are the load steps of each. If
+        no equilibrium is found in one of them, the later ones have none, and the displacements
+        that were reached. Arguments and errors are those of ``gpusim.fem.solve``.
         """
+        solved = partial(
+            solve,
+            device=device,
+            tolerance=tolerance,
+            formulation=self.formulation,
+            backend=backend,
+            method=method,
+            progress=progress,
+        )
+        if self.nonlinear:
+            path = LoadPath(self.steps)
+            model = self._model(path.states)
+            return path.solutions(solved(model, geometry="nonlinear", factors=path.factors))
         found: dict[int, Solution] = {}
         waiting = list(self.steps)
         while waiting:
             first = waiting[0]
             group = [step for step in waiting if step.held_as(first)]
             waiting = [step for step in waiting if step not in group]
-            both = solve(
-                self._model(group),
-                device,
-                tolerance=tolerance,
-                formulation=self.formulation,
-                backend=backend,
-                method=method,
-                progress=progress,
-            )
+            both = solved(self._model(group))
             found |= {step.number: _case(both, k) for k, step in enumerate(group)}
         return tuple(found[step.number] for step in self.steps)
 
-    def point_stress(self, number: int, u: npt.ArrayLike) -> dict[str, Float]:
-        """Stress at the integration points of each element for ``u`` (N,3) of step ``number``.
+    def point_stress(self, number: int, u: npt.ArrayLike | Solution) -> Mapping[str, Float]:
+        """Stress at the integration points of each element for ``u`` (N,3) of step ``number``, or
+        for its solution; a nonlinear deck takes its solution, and gives Cauchy stress.
 
         Returns cell type -> (M,Q,6) float64, order xx yy zz xy yz zx, global axes, elements in the
         order of the mesh. Free strain of the step's temperature is subtracted, initial stress
         added. Raises InputError.
         """
         step = self._step(number)
-        field = np.asarray(u, dtype=np.float64)
+        if self.nonlinear:
+            stress = u.steps[-1].stress if isinstance(u, Solution) and u.steps else None
+            what = "Deck.point_stress: u of a nonlinear deck"
+            require(stress is not None, what, repr(u), "a step's Solution with load steps")
+            assert stress is not None
+            return stress.points
+        field = np.asarray(u.u if isinstance(u, Solution) else u, dtype=np.float64)
         fits = field.shape == self.mesh.points.shape and np.isfinite(field).all()
         expected = f"{self.mesh.points.shape} finite numbers"
         require(fits, "Deck.point_stress: u", f"shape {field.shape}", expected)
@@ -158,6 +151,12 @@ class Deck:
         return self.steps[number - 1]
 
     def _model(self, steps: Sequence[Step]) -> Model:
+        following: dict[str, Any] = {}
+        if self.nonlinear:
+            loads = [replace(load, case=k) for k, step in enumerate(steps) for load in step.loads]
+            zero = np.zeros(self.mesh.node_count)
+            warm = [zero if step.temperature is None else step.temperature for step in steps]
+            following = {"loads": loads, "temperature": np.stack(warm) if np.any(warm) else None}
         return Model(
             self.mesh,
             self.materials,
@@ -166,6 +165,7 @@ class Deck:
             forces=np.stack([step.forces for step in steps]),
             material_of_cell=self.material_of_cell,
             constraints=steps[0].constraints,
+            **following,
         )
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float, Long
-from gpusim.deck.amplitudes import Scale, ScaledLoads
+from gpusim.deck.amplitudes import Moment, Scale, ScaledLoads
 from gpusim.deck.constraints import Axes
 from gpusim.deck.materials import Body
 from gpusim.errors import InputError
@@ -70,7 +70,7 @@ _UNIT = np.eye(3)
 @dataclass(eq=False)
 class _BodyLoad:
     """``kind`` GRAV, CENTRIF or B; ``vector`` (3,) direction, or (6,) point and axis; ``value`` its
-    size, scaled."""
+    size, ``old`` what it was at the end of the step before."""
 
     kind: str
     cells: Long
@@ -78,6 +78,10 @@ class _BodyLoad:
     value: float
     scale: Scale
     where: str
+    old: float = 0.0
+
+    def at(self, moment: Moment) -> float:
+        return float(moment.of(self.value, self.scale.follows, self.old))
 
     def adds(self, other: _BodyLoad) -> bool:
         """Whether another load is more of this one, or takes its place; it does then."""
@@ -107,7 +111,16 @@ class Forces:
 
     def clear_distributed(self) -> None:
         self.pressures.clear()
-        self.bodies.clear()
+        for load in self.bodies:
+            load.value, load.scale = 0.0, Scale()
+
+    def end(self, moment: Moment) -> None:
+        """A step has ended."""
+        self.nodal.end(moment)
+        self.pressures.end(moment)
+        for load in self.bodies:
+            load.old = load.at(moment)
+        self.bodies = [load for load in self.bodies if load.value or load.old]
 
     def read_nodal(self, card: Card, scale: Scale) -> None:
         """*CLOAD: node or node set, degree of freedom, force (in the node's own axes)."""
@@ -125,12 +138,11 @@ class Forces:
         for where, row in card.records(3, None, "element or set, label, value"):
             cells = self._cells(row[0], where)
             label = row[1].upper()
-            size = number(row[2], where)
-            value = scale.factor * size
+            value = number(row[2], where)
             if len(label) == 2 and label[0] == "P" and label[1] in "123456":
                 side = np.full(len(cells), int(label[1]))
                 labels = self.labelled.cell_labels[cells]
-                self._press(np.stack([labels, side], axis=1), size, scale, where)
+                self._press(np.stack([labels, side], axis=1), value, scale, where)
                 continue
             if label in ("BX", "BY", "BZ"):
                 vector = _UNIT["XYZ".index(label[1])]
@@ -167,24 +179,29 @@ class Forces:
                     "of elements"
                 )
 
-    def total(self, factors: Float) -> Float:
-        """(N,3) consistent nodal forces of everything that acts now, in global axes.
-
-        ``factors`` : value of each amplitude that loads follow; the first is 1.
-        """
-        mesh, formulation = self.body.mesh, self.body.formulation
-        total = self.nodal.at(factors)
+    def nodal_forces(self, moment: Moment) -> Float:
+        """(N,3) in global axes."""
+        total = self.nodal.at(moment)
         for node, rows in self.axes.rows.items():
             total[node] = rows.T @ total[node]
-        pressures = self.pressures.at(factors)
+        return total
+
+    def pressed(self, moment: Moment) -> tuple[Faces, Float] | None:
+        """Faces under pressure, and the pressures (F,)."""
+        pressures = self.pressures.at(moment)
         cell, side = np.nonzero(pressures)
-        if cell.size:
-            labelled = np.stack([self.labelled.cell_labels[cell], side + 1], axis=1)
-            faces = set_faces(mesh, self.labelled.face_pairs(labelled))
-            total += pressure_forces(mesh, faces, pressures[cell, side], formulation)
+        if not cell.size:
+            return None
+        labelled = np.stack([self.labelled.cell_labels[cell], side + 1], axis=1)
+        faces = set_faces(self.body.mesh, self.labelled.face_pairs(labelled))
+        return faces, pressures[cell, side]
+
+    def body_forces(self, moment: Moment) -> Iterator[Float]:
+        """(N,3) consistent nodal forces of each load on volumes of the body at rest."""
+        mesh, formulation = self.body.mesh, self.body.formulation
         rho = np.array([one.density for one in self.body.materials])[self.body.material_of_cell]
         for load in self.bodies:
-            value = load.value * float(factors[load.scale.follows])
+            value = load.at(moment)
             share = np.zeros(mesh.cell_count)
             share[load.cells] = 1.0 if load.kind == "B" else rho[load.cells]
             light = load.cells[share[load.cells] == 0.0]
@@ -199,10 +216,9 @@ class Forces:
                 # the factor of an amplitude may be negative, an angular velocity's square not
                 size = float(np.sqrt(abs(value)))
                 outward = centrifugal(mesh, share, point, axis, size, formulation=formulation)
-                total += np.sign(value) * outward
+                yield np.sign(value) * outward
             else:
-                total += body_force(mesh, share, value * load.vector, formulation=formulation)
-        return total
+                yield body_force(mesh, share, value * load.vector, formulation=formulation)
 
     def _cells(self, text: str, where: str) -> Long:
         if not text:

@@ -9,7 +9,7 @@ from gpusim.deck.deck import Deck
 from gpusim.deck.materials import Sections
 from gpusim.deck.steps import History
 from gpusim.errors import InputError
-from gpusim.files.input_file import RENDERED, InputFile, results_hint
+from gpusim.files.input_file import InputFile, results_hint
 from gpusim.mesh.formats.abaqus.assembly import read_content
 from gpusim.mesh.formats.abaqus.cards import Card, Source, nearest, read_cards
 from gpusim.mesh.formats.abaqus.elements import SOLID_TYPES
@@ -40,13 +40,15 @@ _REFUSED_ELEMENTS = {
     "C3D10T": "a C3D10 with linear temperature; expected C3D10",
 }
 
-# Keyword -> the parameters, and values, that are read or have no influence on a static solution.
+# Keyword -> the parameters, and values, that are read or can't change a static solution.
 _READ = MESH_KEYWORDS | read_parameters(
     {
         "MATERIAL": "NAME",
         "ELASTIC": "TYPE",
         "DENSITY": "",
         "EXPANSION": "TYPE ZERO",
+        "PLASTIC": "HARDENING=ISOTROPIC",
+        "HYPERELASTIC": "NEOHOOKE",
         "ORIENTATION": "NAME SYSTEM DEFINITION=COORDINATES/",
         "SOLIDSECTION": "ELSET MATERIAL ORIENTATION CONTROLS",
         "AMPLITUDE": "NAME TIME DEFINITION=TABULAR/ VALUE=RELATIVE",
@@ -65,7 +67,7 @@ _READ = MESH_KEYWORDS | read_parameters(
     }
 )
 
-# Output requests, and what can't change the displacements of a linear static step.
+# Output requests, and what can't change the displacements of a static step.
 _IGNORED = frozenset(
     """
     HEADING PREPRINT RESTART OUTPUT NODEFILE NODEPRINT NODEOUTPUT ELFILE ELPRINT ELEMENTOUTPUT
@@ -98,16 +100,11 @@ def check_keywords(cards: Sequence[Card]) -> tuple[str, ...]:
         elif card.keyword not in _READ:
             known = [*_READ, *_IGNORED]
             faults.append(
-                f"{card.where()}: not supported; expected a deck of linear *STATIC steps on solid "
+                f"{card.where()}: not supported; expected a deck of *STATIC steps on solid "
                 f"elements{nearest(card.keyword, known)}"
             )
         else:
             faults.extend(parameter_faults(card, _READ))
-            if card.parameters.get("NLGEOM", "NO").upper() != "NO":
-                faults.append(
-                    f"{card.where()}: NLGEOM isn't supported; got geometrically nonlinear; "
-                    f"expected a linear step (NLGEOM=NO); {RENDERED}"
-                )
             if card.keyword == "ELEMENT":
                 faults.extend(_element_faults(card, types))
     fail_together(faults, cards[0].file)
@@ -133,15 +130,32 @@ def _element_faults(card: Card, types: dict[str, str]) -> list[str]:
     return []
 
 
+def _deflects(cards: Sequence[Card]) -> bool:
+    """Whether the steps have NLGEOM: the first one, and with it all as in CalculiX.
+
+    Raises InputError for linear steps beside such ones.
+    """
+    steps = [card for card in cards if card.keyword == "STEP"]
+    given = [card.parameters.get("NLGEOM", "-").upper() for card in steps]
+    if not set(given) - {"-", "NO"}:
+        return False
+    linear = given.index("NO") if "NO" in given else 0
+    if given[linear] in ("-", "NO"):
+        steps[linear].fail(
+            "linear, beside steps with NLGEOM; expected NLGEOM in the first step, and so in all"
+        )
+    return True
+
+
 def load_deck(source: Source) -> Deck:
-    """A linear static analysis from an Abaqus or CalculiX input file.
+    """A static analysis, linear or not, from an Abaqus or CalculiX input file.
 
     Read are solid elements (C3D4, C3D6, C3D8, C3D8I, C3D10, C3D15, C3D20, C3D20R) with the
     integration rules that CalculiX has for them, elastic materials (isotropic, orthotropic,
-    anisotropic) with rectangular orientations, sets and surfaces, supports, prescribed
-    displacements, equations, ties, turned axes, nodal forces, pressures, gravity, rotation,
-    temperatures, initial stress, amplitudes, and any number of *STATIC steps. Output requests are
-    listed in ``Deck.ignored``.
+    anisotropic) with rectangular orientations, plasticity, neo-Hookean rubber, sets and surfaces,
+    supports, prescribed displacements, equations, ties, turned axes, nodal forces, pressures,
+    gravity, rotation, temperatures, initial stress, amplitudes, and any number of *STATIC steps,
+    with NLGEOM or without. Output requests are listed in ``Deck.ignored``.
 
     Raises InputError that lists, with file and line, every keyword, parameter and element type
     that would change the answer and isn't supported; and then every wrong number and unknown name.
@@ -162,7 +176,7 @@ def load_deck(source: Source) -> Deck:
     sections, axes = Sections(content), Axes(content)
     _read_all(content.history, {**sections.readers(), "TRANSFORM": axes.read})
     formulation = {SOLID_TYPES[block.type]: FORMULATIONS[block.type] for block in content.blocks}
-    body = sections.resolve(labelled, formulation)
+    body = sections.resolve(labelled, formulation, _deflects(cards))
     history = History(body, axes)
     _read_all(content.history, history.readers())
     if history.open is not None:
@@ -179,6 +193,7 @@ def load_deck(source: Source) -> Deck:
         steps=tuple(history.steps),
         node_axes=axes.rows,
         initial_stress=history.stress.values,
+        nonlinear=body.nonlinear,
         ignored=ignored,
     )
 

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from gpusim.arrays.array_types import Float, Int
 from gpusim.errors import InputError
-from gpusim.fem import Isotropic, Material
+from gpusim.fem import J2, IsochoricNeoHookean, Isotropic, Material, SaintVenantKirchhoff, Update
+from gpusim.fem.materials.cauchy_green import tensor_components
+from gpusim.fem.materials.linear_elasticity import LinearElasticity
 from gpusim.fem.materials.symmetric_tensors import strain_rotation
 from gpusim.mesh import Mesh
 from gpusim.mesh.file_content.coordinate_systems import Frame
@@ -31,7 +34,7 @@ _CONSTANTS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Anisotropic:
+class Anisotropic(LinearElasticity):
     """Linear elasticity given by its stiffness in global axes.
 
     ``matrix`` (6,6) float64 stress over strain, order xx yy zz xy yz zx, engineering shear
@@ -50,28 +53,49 @@ class Anisotropic:
 
 
 @dataclass(frozen=True, eq=False)
+class AnisotropicSaintVenantKirchhoff(Anisotropic):
+    """The same between second Piola-Kirchhoff stress and Green-Lagrange strain."""
+
+    finite_strain: ClassVar[bool] = True
+
+    def update(self, strain: Float, state: Float | None, *, moduli: bool) -> Update:
+        """Stress linear in the strain (…,6); moduli (6,6), the same everywhere; no state."""
+        tensor_components(strain)  # refuses what no body can have
+        return super().update(strain, state, moduli=moduli)
+
+
+@dataclass(frozen=True, eq=False)
 class Body:
-    """What a deck's loads act on."""
+    """What a deck's loads act on; ``nonlinear``: on the deformed body."""
 
     content: InpContent
     labelled: LabelledMesh
     materials: Sequence[Material]
     material_of_cell: Int
     formulation: Mapping[str, str]
+    nonlinear: bool
 
     @property
     def mesh(self) -> Mesh:
         return self.labelled.mesh
 
+    @property
+    def has_history(self) -> bool:
+        """Whether a material remembers what it has been through."""
+        return any(isinstance(one, J2) for one in self.materials)
+
 
 @dataclass
 class _Material:
-    """What the cards after a *MATERIAL say; ``matrix`` in Abaqus order and material axes."""
+    """What the cards after a *MATERIAL say; ``matrix`` in Abaqus order and material axes; ``flow``:
+    plastic strains and yield stresses; ``rubber``: C10 and D1."""
 
     card: Card
     given: dict[str, Card] = field(default_factory=dict)
     isotropic: tuple[float, float] | None = None
     matrix: Float | None = None
+    flow: Sequence[tuple[float, float]] = ()
+    rubber: tuple[float, float] | None = None
     density: float = 0.0
     expansion: Float = field(default_factory=lambda: np.zeros(3))
 
@@ -93,12 +117,17 @@ class Sections:
             "ELASTIC": self._elastic,
             "DENSITY": self._density,
             "EXPANSION": self._expansion,
+            "PLASTIC": self._plastic,
+            "HYPERELASTIC": self._hyperelastic,
             "ORIENTATION": self._orientation,
             "SOLIDSECTION": self.sections.append,
         }
 
-    def resolve(self, labelled: LabelledMesh, formulation: Mapping[str, str]) -> Body:
-        """The body with its materials. Raises InputError."""
+    def resolve(
+        self, labelled: LabelledMesh, formulation: Mapping[str, str], deflects: bool
+    ) -> Body:
+        """The body with its materials, at large displacements if it ``deflects``; it also does if
+        one of them holds for nothing less. Raises InputError."""
         found: dict[tuple[str, str], int] = {}
         of_set: dict[str, Card] = {}
         materials: list[Material] = []
@@ -126,7 +155,10 @@ class Sections:
                 f"got element {self.content.cells.shown(labelled.cell_labels[bare[0]])}; expected "
                 "a section for each"
             )
-        return Body(self.content, labelled, materials, of_cell, formulation)
+        deflects |= any(isinstance(one, J2 | IsochoricNeoHookean) for one in materials)
+        if deflects:
+            materials = [_at_finite_strain(one) for one in materials]
+        return Body(self.content, labelled, materials, of_cell, formulation, deflects)
 
     def _material(self, card: Card) -> None:
         name = card.parameters.get("NAME", "")
@@ -175,6 +207,23 @@ class Sections:
         count = 1 if kind.startswith("ISO") else 3
         material.expansion = np.broadcast_to(_constant(card, count, "coefficients"), (3,))
 
+    def _plastic(self, card: Card) -> None:
+        expected = "yield stress, plastic strain (and temperature)"
+        rows = [
+            [number(text or "0", where) for text in (*row, "")[:3]]
+            for where, row in card.records(2, 3, expected)
+        ]
+        if len({temperature for _, _, temperature in rows}) != 1:
+            card.fail(f"got {len(rows)} rows, of different temperatures; expected one table")
+        self._own(card).flow = tuple((strain, stress) for stress, strain, _ in rows)
+
+    def _hyperelastic(self, card: Card) -> None:
+        if "NEOHOOKE" not in card.parameters:
+            card.fail("isn't supported but for NEO HOOKE; expected that")
+        c10, d1 = _constant(card, 2, "C10, D1").tolist()
+        require(min(c10, d1) > 0.0, f"{card.where()}: C10, D1", (c10, d1), "numbers above 0")
+        self._own(card).rubber = c10, d1
+
     def _orientation(self, card: Card) -> None:
         name = card.parameters.get("NAME", "")
         system = card.parameters.get("SYSTEM", "RECTANGULAR").upper()
@@ -196,8 +245,41 @@ class Sections:
         self.orientations.define(name, frame.axes, card.where())
 
 
+def _at_finite_strain(material: Material) -> Material:
+    """As CalculiX has linear elasticity with NLGEOM: on Green-Lagrange strain."""
+    if isinstance(material, Isotropic):
+        return SaintVenantKirchhoff(material.E, material.nu, material.density, material.expansion)
+    if isinstance(material, Anisotropic):
+        return AnisotropicSaintVenantKirchhoff(
+            material.matrix, material.density, material.expansion
+        )
+    return material
+
+
+def _nonlinear(material: _Material, name: str) -> Material:
+    """Rubber, or metal that flows."""
+    card, a = material.card, material.expansion
+    known = material.isotropic is not None
+    if known == (material.rubber is not None) or not (a == a[0]).all():
+        card.fail(f"{name}: expected either *HYPERELASTIC, or *PLASTIC with isotropic *ELASTIC, "
+                  "and isotropic *EXPANSION")  # fmt: skip
+    try:
+        if material.rubber is not None:
+            shear, bulk = 2.0 * material.rubber[0], 2.0 / material.rubber[1]
+            E, nu = 9.0 * bulk * shear, 3.0 * bulk - 2.0 * shear
+            rest = 3.0 * bulk + shear
+            return IsochoricNeoHookean(E / rest, nu / (2.0 * rest), material.density, float(a[0]))
+        assert material.isotropic is not None
+        elastic = Isotropic(*material.isotropic, material.density, float(a[0]))
+        return J2(elastic, material.flow[0][1], material.flow)
+    except InputError as error:
+        raise InputError(f"{card.where()}: {name}: {error}") from None
+
+
 def _finished(material: _Material, name: str, axes: Float | None, where: str) -> Material:
     card = material.card
+    if material.flow or material.rubber is not None:
+        return _nonlinear(material, name)
     if material.isotropic is not None:
         E, nu = material.isotropic
         a = material.expansion

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from gpusim.arrays.array_types import Float, Long
-from gpusim.deck.amplitudes import Amplitudes, Scale
+from gpusim.deck.amplitudes import Amplitudes, Interval, Moment, Ramped, Scale
 from gpusim.deck.constraints import Axes, Constraints, read_tie
-from gpusim.deck.deck import Step
-from gpusim.deck.forces import Forces
+from gpusim.deck.forces import Forces, face_points, pressure_forces
+from gpusim.deck.increments import Increments, merged
 from gpusim.deck.initial_state import InitialStress, temperature_forces
 from gpusim.deck.materials import Body
+from gpusim.deck.step import Step
+from gpusim.fem import FollowerPressure
 from gpusim.fem.model.constraints import touched
+from gpusim.mesh import Faces
 from gpusim.mesh.formats.abaqus.cards import Card, number
+from gpusim.validation import require
 
 
 @dataclass(eq=False)
@@ -23,8 +27,7 @@ class _Open:
     """The step being read; ``seen`` holds the keywords of its loads: OP counts at their first."""
 
     card: Card
-    period: float = 1.0
-    static: bool = False
+    increments: Increments | None = None
     seen: set[str] = field(default_factory=set)
 
 
@@ -43,8 +46,7 @@ class History:
         nodes = body.mesh.node_count
         self.stress = InitialStress(body)
         self.initial = np.zeros(nodes)
-        self.temperature: Float | None = None
-        self.warmth_follows = np.zeros(nodes, dtype=np.int32)
+        self.temperature: Ramped | None = None
         self.amplitudes = Amplitudes()
         self.steps: list[Step] = []
         self.time = 0.0
@@ -91,11 +93,19 @@ class History:
         step.seen.add(group)
 
     def _scale(self, card: Card) -> Scale:
-        return self.amplitudes.scale(card, len(self.steps) + 1, self._inside(card).period)
+        increments = self._inside(card).increments
+        if increments is None and card.parameters.get("AMPLITUDE", ""):
+            card.fail("an amplitude before *STATIC, which says how long the step is; expected it "
+                      "after that")  # fmt: skip
+        return self.amplitudes.scale(card, self._interval(increments or Increments()))
+
+    def _interval(self, increments: Increments) -> Interval:
+        return Interval(len(self.steps) + 1, self.time, increments.period)
 
     def _initial(self, card: Card) -> None:
         kind = card.parameters.get("TYPE", "").upper()
         if kind == "STRESS":
+            require(not self.body.nonlinear, f"{card.where()}: in a nonlinear deck", kind, "none")
             self.stress.read(card)
             return
         if kind != "TEMPERATURE":
@@ -106,17 +116,11 @@ class History:
     def _temperature(self, card: Card) -> None:
         self._inside(card)
         if self.temperature is None:
-            self.temperature = self.initial.copy()
-        self._renew(card, self._clear_temperature)
+            self.temperature = Ramped(self.initial.copy())
+        self._renew(card, self.temperature.clear)
         scale = self._scale(card)
         for nodes, value in self._node_values(card):
-            self.temperature[nodes] = scale.factor * value
-            self.warmth_follows[nodes] = scale.follows
-
-    def _clear_temperature(self) -> None:
-        assert self.temperature is not None
-        self.temperature[:] = self.initial
-        self.warmth_follows[:] = 0
+            self.temperature.put(nodes, value, scale)
 
     def _node_values(self, card: Card) -> list[tuple[Long, float]]:
         return [
@@ -139,47 +143,99 @@ class History:
             card.fail(
                 f"inside of a step; expected *END STEP for the step of line {self.open.card.line}"
             )
-        if "PERTURBATION" in card.parameters and self.steps:
+        if "PERTURBATION" in card.parameters and (self.steps or self.body.nonlinear):
             # about a first step, a perturbation means that step's stress stiffness in CalculiX,
             # and its loads don't act: the first step of a linear analysis has neither
-            card.fail("PERTURBATION about an earlier step; expected it in the first one")
+            card.fail("PERTURBATION about an earlier step, or of a nonlinear deck; expected it in "
+                      "the first one of a linear deck")  # fmt: skip
         self.open = _Open(card)
 
     def _static(self, card: Card) -> None:
         step = self._inside(card)
-        step.static = True
-        for line, row in card.rows():
-            if len(row) > 1 and row[1]:
-                step.period = number(row[1], card.where(line))
-            if not step.period > 0.0:
-                card.fail(f"time of the step; got {step.period:g}; expected > 0", line)
-            break
+        step.increments = Increments.read(card, step.card)
 
     def _end(self, card: Card) -> None:
         step = self._inside(card)
         self.open = None
-        if not step.static:
+        increments = step.increments
+        if increments is None:
             step.card.fail("no procedure; expected *STATIC in the step")
-        self.time += step.period
-        factors = self.amplitudes.factors(self.time)
-        fixed, prescribed, constraints = self.constraints.assembled(factors)
+        interval = self._interval(increments)
+        self.time += increments.period
+        on_the_way = self._on_the_way(increments, interval)
+        *path, state = (self._state(step, interval, time) for time in (*on_the_way, self.time))
+        for one in (*path, state) if self.body.nonlinear else ():
+            if not one.held_as((*self.steps, *path, state)[0]):
+                step.card.fail(
+                    "holds other degrees of freedom or displacements in turned axes than what is "
+                    "before; expected the same in all steps of a nonlinear deck (*BOUNDARY and "
+                    "*EQUATION before the first step, with other values inside of steps)"
+                )
+        wanted = np.array([self.time])
+        if self.body.has_history or (self.body.nonlinear and increments.equal):
+            wanted = interval.begin + increments.ends(step.card)
+            wanted[-1] = self.time
+        wanted = merged(on_the_way, wanted, increments.period)
+        self.steps.append(replace(state, path=tuple(path), increments=wanted))
+        moment = Moment(self.amplitudes.factors(self.time))
+        self.forces.end(moment)
+        self.constraints.given.end(moment)
+        if self.temperature is not None:
+            self.temperature.end(moment)
+
+    def _on_the_way(self, increments: Increments, interval: Interval) -> Float:
+        """Total times between which the loads of a nonlinear step go straight."""
+        if not self.body.nonlinear:
+            return np.zeros(0)
+        first = [interval.begin + increments.first] if increments.at_once else []
+        corners = self.amplitudes.corners(interval, increments.first)
+        times = merged(np.array(first), corners, interval.period)
+        return times[times < self.time - 1e-9 * interval.period]
+
+    def _state(self, step: _Open, interval: Interval, time: float) -> Step:
+        """What acts at a total time of a step."""
+        assert step.increments is not None
+        ended = step.increments.at_once or time == self.time
+        share = 1.0 if ended else (time - interval.begin) / interval.period
+        moment = Moment(self.amplitudes.factors(time), share)
+        fixed, prescribed, constraints = self.constraints.assembled(moment)
         self.forces.refuse_loose(fixed | touched(constraints, fixed.shape))
-        forces = self.forces.total(factors)
-        if self.stress.values:
-            forces += self.stress.forces()
         change = None
         if self.temperature is not None:
-            change = self.temperature * factors[self.warmth_follows] - self.initial
+            change = self.temperature.at(moment) - self.initial
+        forces, pressed = self.forces.nodal_forces(moment), self.forces.pressed(moment)
+        loads: tuple[FollowerPressure, ...] = ()
+        if self.body.nonlinear:
+            loads = () if pressed is None else _following(self.body, *pressed)
+        elif pressed is not None:
+            forces += pressure_forces(self.body.mesh, *pressed, self.body.formulation)
+        for one in self.forces.body_forces(moment):
+            forces += one
+        if self.stress.values:
+            forces += self.stress.forces()
+        if change is not None and not self.body.nonlinear:
             forces += temperature_forces(self.body, change)
-        self.steps.append(
-            Step(
-                number=len(self.steps) + 1,
-                name=step.card.parameters.get("NAME", ""),
-                time=self.time,
-                fixed=fixed,
-                prescribed=prescribed,
-                forces=forces,
-                temperature=change,
-                constraints=constraints,
-            )
+        return Step(
+            number=interval.number,
+            name=step.card.parameters.get("NAME", ""),
+            time=time,
+            fixed=fixed,
+            prescribed=prescribed,
+            forces=forces,
+            temperature=change,
+            constraints=constraints,
+            loads=loads,
         )
+
+
+def _following(body: Body, faces: Faces, pressures: Float) -> tuple[FollowerPressure, ...]:
+    """One for each value and rule of integration."""
+    counts = np.zeros(len(faces), dtype=np.int32)
+    for kind, first, block in body.mesh.blocks():
+        inside = np.flatnonzero((faces.cell >= first) & (faces.cell < first + len(block)))
+        for name, rows in faces[inside].kinds():
+            counts[inside[rows]] = face_points(kind, body.formulation[kind], name)
+    return tuple(
+        FollowerPressure(faces[(pressures == value) & (counts == count)], value, count=int(count))
+        for value, count in sorted(set(zip(pressures.tolist(), counts.tolist(), strict=True)))
+    )

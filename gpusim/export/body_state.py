@@ -31,7 +31,7 @@ class BodyState:
     u: Float
     model: Model | None = None
     formulation: str | None = None
-    temperature: float = 0.0
+    temperature: Float | float = 0.0
     nodal_stress: Float | None = None
     stored_error_share: Float | None = None
     nodal_strain: Float | None = None
@@ -47,7 +47,7 @@ class BodyState:
         """The stress of ``u``. Raises InputError for a body without a model."""
         if self.model is None:
             raise InputError("field: stress and strain; got a body without a material to solve")
-        change = self.temperature or None
+        change = self.temperature if np.ndim(self.temperature) or self.temperature else None
         from gpusim import fem
 
         found: Stress = fem.stress(self.model, self.u, self.formulation, temperature=change)

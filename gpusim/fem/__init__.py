@@ -1,11 +1,10 @@
-"""Linear elastic finite elements: models, loads and the static solver.
+"""Finite elements: models, loads, laws and statics, by linear theory or at large displacements.
 
 In the order in which data passes:
 
-- `materials`: Laws: stress of strain and history at the points of elements.
+- `materials`: Laws: stress and moduli from strain and history, a file each.
 - `elements`: Formulations and their rules (shape functions are in `gpusim.mesh`), stiffness,
   strain.
-- `materials`: Laws: stress and moduli from strain and history, a file each.
 - `model`: Supports, loads, and the solution.
 - `sparse`: Matrices of 3x3 blocks, and their products.
 - `lattice`: Rectilinear bricks, whose rows repeat.
@@ -16,7 +15,7 @@ In the order in which data passes:
 - `device`: The solver on a device: texels, operators, smoothing, the V-cycle.
 - `krylov`: Krylov iterations, and what is known of their error.
 - `linear`: Linear solvers: prepared for a matrix, solved with, updated.
-- `procedures`: What is solved step by step with them: linear statics.
+- `procedures`: What is solved step by step with them: statics, linear and nonlinear.
 - `recovery`: What follows from displacements: stress.
 """
 
@@ -25,6 +24,7 @@ from __future__ import annotations
 from gpusim.fem.linear.solve_plan import METHODS
 from gpusim.fem.materials.hardening import Voce
 from gpusim.fem.materials.hencky import Hencky
+from gpusim.fem.materials.isochoric_neo_hookean import IsochoricNeoHookean
 from gpusim.fem.materials.isotropic import Isotropic
 from gpusim.fem.materials.j2 import J2
 from gpusim.fem.materials.law import Law, Material, Update
@@ -32,7 +32,7 @@ from gpusim.fem.materials.neo_hookean import NeoHookean
 from gpusim.fem.materials.orthotropic import Orthotropic
 from gpusim.fem.materials.saint_venant_kirchhoff import SaintVenantKirchhoff
 from gpusim.fem.model.constraints import Equations, equations, tie
-from gpusim.fem.model.following_loads import FollowerPressure
+from gpusim.fem.model.follower_loads import FollowerPressure
 from gpusim.fem.model.loads import (
     body_force,
     centrifugal,
@@ -56,6 +56,7 @@ __all__ = [
     "Equations",
     "FollowerPressure",
     "Hencky",
+    "IsochoricNeoHookean",
     "Isotropic",
     "Law",
     "LoadStep",

@@ -67,7 +67,7 @@ def html(solution: Solution) -> str:
     field = "displacement"
     if model is not None and model.mesh.cell_count <= _STRESS_CELLS:
         field = "von_mises"
-        peak = _field(solution, u[0], field)
+        peak = _field(solution, 0, field)
         rows.append(("largest von Mises stress", f"{quantity(peak.max())} (node {peak.argmax()})"))
     for case, sums in enumerate(_cases(solution.reactions).sum(axis=1)):
         if case < 3:
@@ -137,15 +137,16 @@ def _shown(solution: Solution, field: str, case: int, scale: float | None) -> _S
     rest, moved = skin.at_vertices(model.mesh.points), skin.at_vertices(u[case])
     if scale is None:
         scale = exaggeration(rest, np.linalg.norm(moved, axis=1))
-    values = skin.at_vertices(_field(solution, u[case], field))
+    values = skin.at_vertices(_field(solution, case, field))
     return _Shown(skin, rest + scale * moved, values, scale)
 
 
-def _field(solution: Solution, u: Float, field: str) -> Float:
+def _field(solution: Solution, case: int, field: str) -> Float:
     """(N,) at the nodes."""
-    model = solution.model
+    model, u = solution.model, _cases(solution.u)[case]
     assert model is not None
-    state = BodyState(model.mesh, u, model)
+    warm = 0.0 if model.temperature is None or solution.steps else model.temperature[case]
+    state = BodyState(model.mesh, u, model, temperature=warm)
     found = solution.steps[-1].stress if solution.steps else None
     if found is not None:
         state = BodyState(

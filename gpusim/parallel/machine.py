@@ -14,8 +14,6 @@ from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
-import numpy as np
-
 _own = threading.local()
 _GROUPS = Path("/sys/fs/cgroup")
 _SHARE = 0.8  # of the machine's memory, that one file may take
@@ -129,4 +127,7 @@ def keep_freed_memory() -> None:
     done with them. Its threshold rises to the size of the largest block that was ever freed (32 MB
     at most; mallopt(3), M_MMAP_THRESHOLD): one that nobody writes to costs nothing.
     """
+    # those who ask for processors alone needn't wait for it
+    import numpy as np
+
     np.empty(31 << 20, dtype=np.uint8)

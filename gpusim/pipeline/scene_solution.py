@@ -15,11 +15,13 @@ if TYPE_CHECKING:
 def solve(problem: fem.Model | Scene, device: Device | None = None, **options: Any) -> fem.Solution:
     """Solve K u = F for a `Model`, or for the one body of a `Scene` at load factor 1.
 
-    Loads of a scene whose amplitudes aren't multiples of each other are separate load cases.
+    Loads of a scene whose amplitudes aren't multiples of each other are separate load cases. A
+    scene whose geometry is "nonlinear", or whose material needs that, has its frames as load
+    ``steps``; one whose geometry is "auto" is solved by linear theory (its run looks further).
 
-    ``options`` are those of `gpusim.fem.solve` (``tolerance``, ``formulation``, ``backend``,
-    ``max_iterations``, ``method``, ``start``, ``progress``); a scene brings its own
-    tolerance, formulation and method, which they override.
+    ``options`` are those of `gpusim.fem.solve` (``tolerance``, ``geometry``, ``factors``,
+    ``formulation``, ``backend``, ``max_iterations``, ``method``, ``start``, ``progress``); a scene
+    brings its own, which they override.
 
     Raises
     ------
@@ -39,10 +41,11 @@ def solve(problem: fem.Model | Scene, device: Device | None = None, **options: A
     if isinstance(problem, fem.Model):
         return fem.solve(problem, device, **options)
     # a model needs none of what reads scenes: half of the package
-    from gpusim.pipeline.scene_objects.modelling import build_model
+    from gpusim.pipeline.scene_objects.modelling import build_model, displaced_model
     from gpusim.pipeline.scene_objects.surfaces import build_body
     from gpusim.scene import Scene
     from gpusim.scene.amplitudes import load_groups
+    from gpusim.scene.frames import frame_table
 
     if not isinstance(problem, Scene):
         return fem.solve(problem, device, **options)  # which says what is wrong
@@ -51,5 +54,13 @@ def solve(problem: fem.Model | Scene, device: Device | None = None, **options: A
     body = problem.bodies[0]
     defaults = {**dict(problem.solver), "formulation": body.formulation}
     groups = load_groups(body, problem.analysis.load_factors)
-    model = build_model(build_body(body, problem.input), groups)
+    parts = build_body(body, problem.input)
+    model = build_model(parts, groups)
+    strained = any(material.finite_strain for material in body.materials)
+    if problem.analysis.geometry == "nonlinear" or strained:
+        states = [one.shown.states[0] for one in frame_table(problem)]
+        steps = dict.fromkeys(state for state in states if state is not None)
+        factors = [state[: len(groups)] for state in steps]
+        defaults |= {"geometry": "nonlinear", "factors": factors}
+        model = displaced_model(parts, model, groups)
     return fem.solve(model, device, **{**defaults, **options})

@@ -8,7 +8,7 @@ from gpusim.graph.stage import Stage, first
 from gpusim.plan.stage_builder import Needs, StageBuilder
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import load_groups
-from gpusim.scene.frames import FrameTable
+from gpusim.scene.frames import FrameTable, Shown
 
 
 def stillness(scene: Scene, frames: FrameTable) -> str:
@@ -50,7 +50,8 @@ def _equilibria(build: StageBuilder) -> Iterator[Stage]:
     """Which depend on all frames: each begins at the one before, and any of them may be the one
     that linear theory is too far off for."""
     needs: Needs = build.of_bodies("mesh") | build.of_bodies("model") | {"solution": first}
-    row = [build.scene.analysis.geometry, list(build.frames)]
+    loads = [one._replace(time=None, shown=Shown(one.shown.states)) for one in build.frames]
+    row = [build.scene.analysis.geometry, loads]
     yield build.stage("equilibria", "equilibria:equilibria", ["solver", "body.*.mechanics"], needs,
                       [row], "solve", keeps=True, on_device=True)  # fmt: skip
     for number, name in enumerate(build.bodies):

@@ -37,8 +37,16 @@ DECKS = [
     "segment1", "segment2", "segmentf",
 ]  # fmt: skip
 
+# Nonlinear ones, whose published results are converged to some 1e-6; tests/deck/test_load_path.py
+# has what is compared more closely.
+NONLINEAR = ["beamnld", "beamnlmpc", "beamnlp", "beamnlptp", "beamp1rotate", "beamwrite"]
+
+# Warm ones, and plastic ones in one increment; what they differ by is told in docs/decks.md, and
+# why no equilibrium of beamnh is found.
+COARSE = {"beampiso": 0.05, "beampt": 0.01, "beamnlt": 1e-3}
+
 # Decks that are read too: an iterative reference, forces only, stresses at nodes only.
-OTHERS = ["beampic", "mpcforce", "segmentm", "cubef2f3"]
+OTHERS = ["beamnh", "beampic", "mpcforce", "segmentm", "cubef2f3"]
 
 # Static decks of solids that are refused, each with the line and what it is refused for.
 REFUSED = {
@@ -161,6 +169,21 @@ def test_published_displacements(name: str, tmp_path: Path) -> None:
     assert compared == len(tables) > 0
 
 
+@pytest.mark.parametrize("name", [*NONLINEAR, *COARSE])
+def test_published_displacements_of_nonlinear_decks(name: str, tmp_path: Path) -> None:
+    deck = read(name, tmp_path)
+    tables = printed(name) or stored(name)
+    compared = 0
+    for step, solution in zip(deck.steps, deck.solve(backend="numpy", tolerance=1e-9), strict=True):
+        assert solution.converged
+        for time, table in tables:
+            if abs(step.time - time) <= 1e-6:
+                u = in_own_axes(deck, solution.u)
+                assert greatest_error(deck, u, table) <= COARSE.get(name, 1e-5)
+                compared += 1
+    assert compared == len(deck.steps)
+
+
 @pytest.mark.parametrize("name", ["beam8p", "beam20p", "beam10p", "c3d15", "beampo1"])
 def test_published_displacements_on_the_device(name: str, tmp_path: Path) -> None:
     deck = read(name, tmp_path)
@@ -220,7 +243,7 @@ def test_refused_with_line(name: str, tmp_path: Path) -> None:
 
 
 def test_every_deck_of_the_suite_is_read_or_refused(tmp_path: Path) -> None:
-    """Contact, plasticity, dynamics, shells, fluids: nothing passes as something else."""
+    """Contact, creep, dynamics, shells, fluids: nothing passes as something else."""
     names = sorted(path.name.removesuffix(".gz") for path in FOLDER.glob("*.inp*"))
     assert len(names) > 300
     accepted = []
@@ -231,4 +254,4 @@ def test_every_deck_of_the_suite_is_read_or_refused(tmp_path: Path) -> None:
             assert f"{name}:" in str(error)
         else:
             accepted.append(name.removesuffix(".inp"))
-    assert accepted == sorted([*DECKS, *OTHERS])
+    assert accepted == sorted([*DECKS, *NONLINEAR, *COARSE, *OTHERS])

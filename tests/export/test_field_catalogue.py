@@ -13,6 +13,7 @@ from gpusim.export.field_catalogue import (
     BODY,
     TRUTH,
     VTU_ARRAYS,
+    VTU_NEEDS,
     field_maps,
     point_fields,
 )
@@ -183,7 +184,9 @@ def test_truth_layers_are_fields_of_pixels() -> None:
 def test_arrays_of_vtu_are_in_si() -> None:
     state = pulled_bar()
     arrays = {name: one.of(state) for name, one in VTU_ARRAYS.items()}
-    assert list(arrays) == ["u", "stress", "von_mises", "error_share"]
+    assert list(arrays) == list(VTU_NEEDS)
+    np.testing.assert_array_equal(arrays["strain"], state.strain)
+    assert not arrays["plastic_strain"].any()
     np.testing.assert_array_equal(arrays["u"], state.u)
     np.testing.assert_allclose(arrays["stress"][:, 1], STRESS, rtol=1e-9)
     np.testing.assert_allclose(1e-6 * arrays["von_mises"], BODY["von_mises"].values(state))

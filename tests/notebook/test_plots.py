@@ -180,3 +180,20 @@ def test_a_camera_and_a_scene() -> None:
         240.0,
         20.0,
     ]
+
+
+def test_stress_of_a_hot_body_is_drawn_without_its_free_strain() -> None:
+    bar = gs.mesh.box(size=(1.0, 0.2, 0.1), divisions=(4, 1, 1))
+    left = np.isclose(bar.points[:, 0], 0.0) & (bar.points[:, 1] < 1e-9)
+    fixed = np.zeros(bar.points.shape, dtype=bool)
+    fixed[:, 0] = np.isclose(bar.points[:, 0], 0.0)
+    fixed[left, 1] = True
+    fixed[:, 2] = np.isclose(bar.points[:, 2], 0.0)
+    wood = gs.Orthotropic((9e9, 1e9, 1e9), (0.1,) * 3, (1e9,) * 3, 0.0, (1e-3, 0.0, 0.0))
+    change = np.stack([np.zeros(len(bar.points)), np.full(len(bar.points), 20.0)])
+    forces = np.zeros((2, *bar.points.shape))
+    hot = gs.solve(gs.Model(bar, wood, fixed=fixed, forces=forces, temperature=change))
+    for case in (0, 1):
+        axes = hot.plot(field="von_mises", case=case)
+        assert axes.figure.axes[-1].get_ylim()[1] < 1e-3 * 9e9 * 1e-3 * 20.0
+    assert "von Mises" in str(hot._repr_html_())

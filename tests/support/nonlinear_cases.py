@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -247,19 +248,24 @@ def arch_strip() -> tuple[Strip, float]:
 
 def arch_way(load: float) -> float:
     """The crown's way down under ``load``, on the branch that ends highest."""
-    strip, half_angle = arch_strip()
-    ways = np.linspace(0.2, 10.0, 50)
-    loads = clamped_arch(strip, 5.0, half_angle, ways)
+    ways, loads = _arch_path()
     last = len(ways) - 1 - int(np.argmax(loads[::-1] < load))
     exact = CubicSpline(ways, loads - load)
     return float(brentq(exact, ways[last], ways[last + 1]))
+
+
+@cache
+def _arch_path() -> tuple[Float, Float]:
+    strip, half_angle = arch_strip()
+    ways = np.linspace(0.2, 10.0, 50)
+    return ways, clamped_arch(strip, 5.0, half_angle, ways)
 
 
 def bimetal_strip(divisions: Sequence[int], degrees: Sequence[float]) -> NonlinearCase:
     """Strip of two layers (E = 1e6 both), one of which is heated so that it coils up to circles of
     ``degrees`` (Timoshenko, J. Opt. Soc. Am. 11 (1925) 233)."""
     assert divisions[2] % 2 == 0
-    strip = Strip(100.0, 1.0, 1.0, 1e6)
+    strip = Strip(100.0, 1.0, 0.25, 1e6)
     mesh = bar(strip, "hex8", divisions)
     materials = [Isotropic(strip.E, 0.0, expansion=2e-5), Isotropic(strip.E, 0.0)]
     centres = np.concatenate([mesh.points[cells].mean(axis=1) for _, _, cells in mesh.blocks()])
@@ -285,7 +291,7 @@ def pressed_column(divisions: Sequence[int], alpha: float, eccentric: float) -> 
     load = alpha * strip.bending / strip.length**2
     end = select_faces(mesh, name="x_max")
     forces = face_force(mesh, end, (-load, 0.0, eccentric * load))
-    x, z, _ = cantilever(strip, (-load, eccentric * load), DistributedLoad())
+    x, z, _ = cantilever(strip, (-load, eccentric * load), DistributedLoad(), 60)
     return NonlinearCase(
         "column", Model(mesh, Isotropic(strip.E, 0.0), clamped_end(mesh), forces), np.array([1.0]),
         end_motion(mesh, mesh.points[:, 0] >= strip.length - 1e-6),

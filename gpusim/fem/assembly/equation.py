@@ -21,7 +21,7 @@ from gpusim.fem.elements.element_response import ElementResponse, Internal, Want
 from gpusim.fem.elements.isoparametric_map import add_to
 from gpusim.fem.model.constraints import touched
 from gpusim.fem.model.elimination import eliminate
-from gpusim.fem.model.following_loads import PressedFaces
+from gpusim.fem.model.follower_loads import PressedFaces
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.thermal_loads import linear_temperature
 from gpusim.parallel.threads import shared
@@ -121,10 +121,7 @@ class Equation:
 
     def external(self, u: Float, factors: Float) -> Float:
         """(N,3) forces that act on the body displaced by ``u`` (N,3)."""
-        total = np.tensordot(factors, self.model.load_cases, axes=1)
-        for load in self.model.loads:
-            total += factors[load.case] * load.forces(self.model.mesh.points + u)
-        return np.asarray(total)
+        return external_forces(self.model, u, factors)
 
     def prescribed(self, factors: Float) -> Float:
         """(N,3) displacements of the supports, and what unknowns that constraints give up differ by
@@ -134,6 +131,12 @@ class Equation:
         return (
             result if self.elimination is None else result + factors.sum() * self.elimination.offset
         )
+
+    def by_forces_alone(self, factors: Float) -> bool:
+        """Whether ``factors`` (L,) mean forces: no displacements of supports, no temperature."""
+        temperature = self.model.temperature
+        warm = temperature is not None and bool((factors @ temperature).any())
+        return not (warm or self.prescribed(factors).any())
 
     def missing(self, u: Float, factors: Float) -> Float:
         """(N,3) what ``u`` (N,3) lacks of what is prescribed."""
@@ -220,6 +223,14 @@ class Equation:
             self.internal(u, factors)
         for one in self.responses:
             one.commit(u)
+
+
+def external_forces(model: Model, u: Float, factors: Float) -> Float:
+    """(N,3) forces that act on a body displaced by ``u`` (N,3), at ``factors`` (L,)."""
+    total = np.tensordot(factors, model.load_cases, axes=1)
+    for load in model.loads:
+        total += factors[load.case] * load.forces(model.mesh.points + u)
+    return np.asarray(total)
 
 
 def portions(cells: Int) -> list[Long]:

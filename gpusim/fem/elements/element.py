@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -131,8 +132,10 @@ class FaceElement:
 _POINTS = {"tri3": 3, "tri6": 6, "quad4": 4, "quad8": 9, "quad9": 9}
 
 
-def _face_element(name: str) -> FaceElement:
-    points, weight = face_rule(name, _POINTS[name])
+@cache
+def face_element(name: str, count: int | None = None) -> FaceElement:
+    """A face type with ``count`` points, or as many as loads on faces take."""
+    points, weight = face_rule(name, count or _POINTS[name])
     shape, gradient = shape_functions(name, points), shape_gradients(name, points)
     columns = np.array(FACE_TYPES[name])
     for table in (columns, shape, gradient):
@@ -140,13 +143,10 @@ def _face_element(name: str) -> FaceElement:
     return FaceElement(name, columns, shape, gradient, weight)
 
 
-FACE_ELEMENTS: dict[str, FaceElement] = {name: _face_element(name) for name in FACE_TYPES}
-
-
 def face_groups(
     faces: Faces,
 ) -> Iterator[tuple[FaceElement, Long, Int]]:
     """Yield (face type, rows (K,) of ``faces``, nodes (K,n)) for each type that occurs."""
     for name, rows in faces.kinds():
-        element = FACE_ELEMENTS[name]
+        element = face_element(name)
         yield element, rows, faces.nodes[np.ix_(rows, element.columns)]

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpusim.arrays.array_types import Float, Long
+from gpusim.errors import NotConverged
 from gpusim.fem.elements.element_response import (
     ElementBlock,
     ElementResponse,
@@ -140,7 +141,13 @@ class TotalLagrangian(ElementResponse):
         if self._free_strain is not None:
             strain = strain - self._free_strain[which]
         state = None if self._state is None else self._state[which]
-        return self.law.update(strain, state, moduli=moduli)
+        update = self.law.update(strain, state, moduli=moduli)
+        if not np.isfinite(update.stress).all():
+            raise NotConverged(
+                f"{type(self.law).__name__}: got a stress that isn't finite, of strains up to "
+                f"{np.abs(strain).max():.3g}; expected finite numbers"
+            )
+        return update
 
     def _try(self, which: Long, strain: Float, want: Want) -> Update:
         """The law's answer, whose states are those of the step if it is the last; with definite

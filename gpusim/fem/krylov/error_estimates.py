@@ -218,8 +218,9 @@ class Estimates:
         self.lowest, self.probed = norm.lowest * norm.share, False
         # what a start was off by, where nothing sharper came to be known
         self.floor = np.zeros(len(system.right))
-        # softness of the last step, where one has been looked at
+        # softness of the last step, where one has been looked at; whether soft modes have been felt
         self._last = np.full(len(system.right), np.inf)
+        self._felt = np.zeros(len(system.right), dtype=bool)
 
     def doubtful(self, iterations: int, tolerance: float) -> bool:
         """Whether there may be soft modes that the loads haven't told of, by a first run."""
@@ -254,14 +255,15 @@ class Estimates:
         softness = self._softness(step, np.sqrt(np.maximum(work[-1], 0.0)), total)
         # ||x_k||_A^2 is the sum of alpha r.z
         energy = np.sqrt(self.norm.share * np.maximum(work.sum(axis=0), 0.0))
-        felt = self.over(energy, extent(correction, even=False)) <= _FELT
+        self._felt |= self.over(energy, extent(correction, even=False)) <= _FELT
         # a case at rest took no step
-        self._last = np.where(work[-1] > 0.0, np.where(felt, softness, np.inf), self._last)
+        self._last = np.where(work[-1] > 0.0, softness, self._last)
 
     def by_softness(self, rz: Float, loop: Any, total: Float, enough: float) -> Float:
         """Estimates (L,) by the softness of what is left to ``total``; infinite where there may be
         motions that it doesn't tell of, or where it can't be within ``enough``."""
-        known = (rz > 0.0) & np.isfinite(self._last) & (self.mu >= _POOR) & (not self.probed)
+        known = self._felt & (rz > 0.0) & np.isfinite(self._last) & (self.mu >= _POOR)
+        known &= not self.probed
         rz, mu, last = (np.where(known, one, 1.0) for one in (rz, self.mu, self._last))
         energy = np.sqrt(rz / (BELOW * mu))
         known &= self.over(energy, self.size(total)) <= LOOSEST

@@ -9,7 +9,8 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
 
-_MOST_ITERATIONS = 1000
+# iterations per decimal: with a preconditioner that is near, some ten are enough
+_PER_DECIMAL = 120
 
 
 def minimum_residual(
@@ -25,7 +26,7 @@ def minimum_residual(
     It ends where sqrt(r . M^-1 r) is ``tolerance`` times what it began with, by recursion. (SciPy's
     minres compares the residual with |A| |x|, which near a limit point is no residual at all.)
 
-    Raises NotConverged after 1000 iterations, or where M isn't positive definite.
+    Raises NotConverged after 120 iterations for each decimal, or where M isn't positive definite.
     """
     x = np.zeros_like(right)
     v_before, v = np.zeros_like(right), right.copy()
@@ -35,7 +36,8 @@ def minimum_residual(
     rest, first, gamma_before = gamma, gamma, 1.0
     sine, sine_before, cosine, cosine_before = 0.0, 0.0, 1.0, 1.0
     w_before, w = np.zeros_like(right), np.zeros_like(right)
-    for iteration in range(_MOST_ITERATIONS):
+    most = int(np.ceil(-_PER_DECIMAL * np.log10(tolerance)))
+    for iteration in range(most):
         if abs(rest) <= tolerance * first:
             return x, iteration
         z = z / gamma
@@ -56,7 +58,7 @@ def minimum_residual(
         rest *= -sine
         v_before, v, z, gamma_before, gamma = v, v_next, z_next, gamma, gamma_next
     raise NotConverged(
-        f"minimum residuals: got {_MOST_ITERATIONS} iterations; expected a residual of "
+        f"minimum residuals: got {most} iterations; expected a residual of "
         f"{tolerance:.1e} of the first one before"
     )
 

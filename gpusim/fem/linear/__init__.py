@@ -7,6 +7,8 @@ In the order in which data passes:
 - `multigrid_solver`: Conjugate gradients preconditioned by multigrid, on the host.
 - `device_solver`: Conjugate gradients preconditioned by multigrid, on a device.
 - `pressure_solver`: Displacements and pressures together, for nearly incompressible materials.
+- `tangent_solver`: Tangents solved in Newton's method: the solver of the first one is updated for
+  all others.
 - `linear_solver`: Linear solvers: what all of them can, and a system solved by them as a plan
   says.
 """

@@ -22,6 +22,8 @@ from gpusim.fem.linear.solve_plan import Options, SolvePlan, plan_solve
 
 # share of the motion below which a step leaves factors and levels as they are
 _NEAR = 0.01
+# iterations beyond which that wasn't worth it, and the next tangent gets its own
+_MANY = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +73,8 @@ class TangentSolver:
             if self._taken is not None and self._solver is not None:
                 found = truncated_cg(apply, self._solver.preconditioner, right, forcing)
         if found is not None:
+            if found[1] > _MANY:
+                self._taken = None
             return self._whole(*found, system, True)
         solver = self._definite(tangent, forces, given)
         steps = [minimum_residual(apply, solver.apply, one[None], forcing) for one in right]

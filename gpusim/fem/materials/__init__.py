@@ -17,6 +17,7 @@ In the order in which data passes:
 - `orthotropic`: Linear orthotropic elasticity.
 - `saint_venant_kirchhoff`: Large displacements, small strains.
 - `neo_hookean`: Compressible neo-Hookean elasticity.
+- `isochoric_neo_hookean`: Distortion and volume apart.
 - `hencky`: The law of small strain in logarithmic strain.
 - `hardening`: The yield stress as a function of the accumulated plastic strain.
 - `j2`: J2 plasticity (von Mises) with isotropic hardening, in logarithmic strain.

@@ -62,7 +62,9 @@ class Law(Material, Protocol):
     Strains are Green-Lagrange's, components xx yy zz xy yz zx with engineering shear, stresses
     second Piola-Kirchhoff's, both last in arrays of any shape; so a law is objective whatever it
     computes. It works on all points at once and changes no array that it is given: Newton asks
-    again from the same state until a step has converged, and several threads ask at once.
+    again from the same state until a step has converged, and several threads ask at once. Moduli
+    are symmetric. Asked again at the strain that a step ended with, from the state that it left, a
+    law answers with the same stress: reactions are formed so.
 
     A strain that the law can't answer raises NotConverged, and the step is cut back. A law in
     logarithmic strain takes `LogarithmicStrain` for the way there and back, as `J2` does.
@@ -79,8 +81,8 @@ class Law(Material, Protocol):
 
     @property
     def finite_strain(self) -> bool:
-        """Whether it holds for any strain. Without, elements take its strain in axes that turn
-        with them, as for linear elasticity."""
+        """Whether it holds for any strain. Without, it is linear elasticity: elements turn its
+        ``stiffness()`` and ask for nothing else."""
 
     def update(self, strain: Float, state: Float | None, *, moduli: bool) -> Update:
         """Stress, moduli if wanted and new state at a Green-Lagrange strain (…,6), from the state

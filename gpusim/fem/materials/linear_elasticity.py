@@ -14,6 +14,7 @@ from gpusim.fem.materials.law import Law, Material, Update
 from gpusim.validation import require
 
 _SAME = 1e-9  # of the stiffness' largest entry
+_PROBE = 1e-3  # strain that a linear law is asked with
 
 
 class LinearElasticity(ABC):
@@ -57,7 +58,8 @@ def law_of(material: Material, where: str) -> Law:
     """``material`` itself if it is a law, else as a linear one.
 
     Raises InputError naming ``where`` unless a law is at rest without strain, keeps its state
-    there, and has its ``stiffness()`` as moduli: elements would rather not find out later.
+    there, and has its ``stiffness()`` as moduli; and, if it is for small strain, is that stiffness
+    alone: elements that turn ask for nothing else. Elements would rather not find out later.
     """
     if not hasattr(material, "update"):
         return LinearMaterial(material)
@@ -65,22 +67,42 @@ def law_of(material: Material, where: str) -> Law:
     if missing or not isinstance(material, Law):
         got = f"update() without {' and '.join(missing)}"
         raise InputError(f"{where}: no law; got {got}; expected the members of gs.fem.Law")
-    size, points = material.state_size, 2
-    state = np.zeros((points, size)) if size else None
-    found = material.update(np.zeros((points, 6)), state, moduli=True)
-    moduli = np.asarray(found.moduli)
-    shapes = np.shape(found.stress), moduli.shape
-    fits = shapes in (((points, 6), (6, 6)), ((points, 6), (points, 6, 6)))
-    expected = "(…, 6) and (…, 6, 6)"
+    stiffness = np.asarray(material.stiffness())
+    scale = float(np.abs(stiffness).max())
+    stress, moduli = _answer(material, np.zeros((2, 3, 6)), where)
+    largest = float(np.abs(stress).max())
+    require(largest <= _SAME * scale, f"{where}: stress without strain", largest, "0")
+    off = np.abs(moduli - stiffness).reshape(-1, 6, 6).max(axis=0)
+    row, column = np.unravel_index(int(off.argmax()), off.shape)
+    what = f"{where}: moduli of update() at rest are off stiffness()"
+    got = f"a difference of {off.max():.3g} in row {row}, column {column}"
+    require(off.max() <= _SAME * scale, what, got, "the same")
+    if material.finite_strain:
+        return material
+    expected = "finite_strain = True: elements for small strain ask for stiffness() alone"
+    require(material.state_size == 0, f"{where}: history", "finite_strain = False", expected)
+    strain = np.broadcast_to(_PROBE * np.eye(6), (2, 6, 6))
+    stress, _ = _answer(material, strain, where)
+    off = np.abs(stress - strain @ stiffness)
+    what = f"{where}: stress of update() isn't stiffness() times strain"
+    require(off.max() <= _SAME * _PROBE * scale, what, f"a difference of {off.max():.3g}", expected)
+    return material
+
+
+def _answer(law: Law, strain: Float, where: str) -> tuple[Float, Float]:
+    """Stress and moduli of a law that has been through nothing yet, in their shapes."""
+    size, shape = law.state_size, strain.shape[:-1]
+    state = np.zeros((*shape, size)) if size else None
+    found = law.update(strain, state, moduli=True)
+    require(isinstance(found, Update), f"{where}: update()", type(found).__name__, "an Update")
+    stress, moduli = np.asarray(found.stress), np.asarray(found.moduli)
+    shapes = stress.shape, moduli.shape
+    fits = shapes in ((strain.shape, (6, 6)), (strain.shape, (*shape, 6, 6)))
+    expected = f"{strain.shape}, and (6, 6) or {(*shape, 6, 6)}"
     require(fits, f"{where}: shapes of update()'s stress and moduli", shapes, expected)
     new = None if found.state is None else np.shape(found.state)
     expected = f"{None if state is None else state.shape}"
     require(str(new) == expected, f"{where}: shape of update()'s state", new, expected)
-    stiffness = np.asarray(material.stiffness())
-    scale = np.abs(stiffness).max()
-    stress = float(np.abs(found.stress).max())
-    require(stress <= _SAME * scale, f"{where}: stress without strain", stress, "0")
-    off = float(np.abs(moduli - stiffness).max())
-    what = f"{where}: moduli of update() at rest are off stiffness()"
-    require(off <= _SAME * scale, what, f"{off:.3g}", "the same")
-    return material
+    finite = np.isfinite(stress).all() and np.isfinite(moduli).all()
+    require(bool(finite), f"{where}: update()", "values that aren't finite", "finite numbers")
+    return stress, moduli

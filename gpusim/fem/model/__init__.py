@@ -4,7 +4,7 @@ In the order in which data passes:
 
 - `constraints`: Linear equations between displacements, as objects of a model: ties, and any
   others.
-- `following_loads`: Loads that go with the deformed body: their forces, and what displacements
+- `follower_loads`: Loads that go with the deformed body: their forces, and what displacements
   change of them.
 - `model`: The model: mesh, materials, supports, loads and formulations.
 - `elimination`: Linear equations resolved: displacements given up and those they follow, u = T v +

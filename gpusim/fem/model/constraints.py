@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +22,8 @@ from gpusim.field_summary import field_summary
 from gpusim.mesh import Faces, Mesh
 from gpusim.mesh.nearest_places import nearest_on_surface
 from gpusim.validation import require, require_one_of, unmasked
+
+Kind = TypeVar("Kind")
 
 # shares of a place below this are rounding
 _ROUNDING = 1e-12
@@ -178,13 +180,23 @@ def follow(faces: Faces, nodes: Long, face: Long, shares: Float) -> Equations:
     return Equations(csr_matrix(kron(by_node, eye(3))), np.zeros(3 * len(nodes)))
 
 
+def objects_of(kind: type[Kind], given: Any, where: str) -> tuple[Kind, ...]:
+    """Objects of one ``kind``; one by itself as a tuple of one. Raises InputError naming what is
+    none."""
+    several = isinstance(given, Iterable) and not isinstance(given, kind)
+    objects = tuple(given) if several else (given,)
+    for number, one in enumerate(objects):
+        place = f"{where}[{number}]" if several else where
+        require(isinstance(one, kind), place, type(one).__name__, f"objects of {kind.__name__}")
+    return objects
+
+
 def checked_constraints(given: Any, unknowns: int) -> tuple[Equations, ...]:
     """Those of a model with so many unknowns; one by itself as a tuple of one. Raises InputError
     naming what is none."""
-    constraints = (given,) if isinstance(given, Equations) else tuple(given)
+    constraints = objects_of(Equations, given, "Model.constraints")
     for number, one in enumerate(constraints):
         where = f"Model.constraints[{number}]"
-        require(isinstance(one, Equations), where, type(one).__name__, "Equations, as by fem.tie")
         shape = one.matrix.shape
         fits = shape[1] == unknowns and one.right.shape == shape[:1]
         got = f"matrix {shape}, right {one.right.shape}"

@@ -12,8 +12,8 @@ from gpusim.arrays.array_types import Bool, Float, Int
 from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.materials.law import Material
-from gpusim.fem.model.constraints import Equations, checked_constraints, touched
-from gpusim.fem.model.following_loads import FollowerPressure
+from gpusim.fem.model.constraints import Equations, checked_constraints, objects_of, touched
+from gpusim.fem.model.follower_loads import FollowerPressure
 from gpusim.field_summary import field_summary
 from gpusim.mesh import Mesh
 from gpusim.validation import as_float64, require, require_one_of, unmasked
@@ -133,17 +133,20 @@ def _materials(given: Any) -> tuple[Material, ...]:
     """A single material as a list of one. Raises InputError naming what is none."""
     if _is_material(given):
         return (given,)
-    expected = "expected Isotropic or Orthotropic, or a list of them"
-    if not isinstance(given, Iterable):
-        raise InputError(f"Model.materials: got {type(given).__name__}; {expected}")
+    expected = "expected Isotropic, Orthotropic or another law, or a list of them"
+    if isinstance(given, type) or not isinstance(given, Iterable):
+        raise InputError(f"Model.materials: got {_kind(given)}; {expected}")
     materials = tuple(given)
     if not materials:
         raise InputError(f"Model.materials: got none; {expected}")
     for number, one in enumerate(materials):
         if not _is_material(one):
-            got = f"the class {one.__name__}" if isinstance(one, type) else type(one).__name__
-            raise InputError(f"Model.materials[{number}]: got {got}; {expected}")
+            raise InputError(f"Model.materials[{number}]: got {_kind(one)}; {expected}")
     return materials
+
+
+def _kind(thing: Any) -> str:
+    return f"the class {thing.__name__}" if isinstance(thing, type) else type(thing).__name__
 
 
 def _is_material(thing: Any) -> bool:
@@ -201,13 +204,11 @@ def _material_numbers(value: Any, cells: int, count: int) -> Int:
 
 
 def _following(loads: Any, mesh: Mesh, cases: int) -> tuple[FollowerPressure, ...]:
-    following = (loads,) if isinstance(loads, FollowerPressure) else tuple(loads)
+    following = objects_of(FollowerPressure, loads, "Model.loads")
     for number, one in enumerate(following):
         where = f"Model.loads[{number}]"
-        known = isinstance(one, FollowerPressure)
-        require(known, where, type(one).__name__, "a FollowerPressure (dead ones are forces)")
-        require(one.faces.points.shape == mesh.points.shape, where, "faces of another mesh",
-                "faces of the model's")  # fmt: skip
+        same = np.array_equal(one.faces.points, mesh.points)
+        require(same, where, "faces of another mesh", "faces of the model's")
         require(0 <= one.case < cases, f"{where}.case", one.case, f"0 … {cases - 1}")
     return following
 

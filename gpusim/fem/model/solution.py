@@ -39,6 +39,18 @@ class LoadStep:
     those of the ``substeps`` on the way included; ``error_estimate`` relative, of the greatest
     displacement; ``wanted``: asked for, and not a point on the way past a limit point. ``stress``:
     of steps that are wanted, Cauchy stress and logarithmic strain (`gpusim.fem.Stress`).
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(1, 0.1, 0.1), divisions=(4, 1, 1))
+    >>> fixed = np.isclose(bar.points[:, :1], 0.0).repeat(3, axis=1)
+    >>> pull = gs.fem.traction(bar, gs.mesh.select_faces(bar, name="x_max"), (2e9, 0, 0))
+    >>> model = gs.Model(bar, gs.Isotropic(200e9, 0.0), fixed, pull)
+    >>> half, whole = gs.fem.solve(model, geometry="nonlinear", factors=[0.5, 1.0]).steps
+    >>> f"{1e3 * half.u[:, 0].max():.3f} {1e3 * whole.u[:, 0].max():.3f}"
+    '5.000 10.000'
+    >>> bool(np.allclose(whole.stress.nodal_strain[:, 0], np.log(1.01)))
+    True
     """
 
     factors: Float
@@ -68,7 +80,9 @@ class Solution:
         freedom. Their relative error may be far larger than that of u where stiff parts are held by
         soft ones.
     strain_energy, external_work : (L,), u.Ku/2 and (forces . u + reactions . u)/2; they agree
-        when the solve has converged.
+        when the solve has converged. Of a nonlinear analysis both are the work of loads and
+        supports from step to step by the trapezoidal rule, so that they tell no error: of one step
+        it may be off by half, of ten by a percent.
     unknowns : free degrees of freedom, less those that constraints give up. message : why the solve
         ended. warnings : what a reader should know (dangling nodes). timings : seconds per part.
         backend, real, method, element_classes, row_classes : how it was computed. reasons : the

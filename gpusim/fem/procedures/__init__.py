@@ -9,4 +9,5 @@ In the order in which data passes:
   fails, and by arc length past limit points.
 - `nonlinear_static`: Nonlinear statics: equilibrium at large displacements, load step by load step.
 - `statics`: Statics: displacements of a model, by linear theory or at large displacements.
+- `expansion`: What large displacements add to linear ones, to third order in the load.
 """

@@ -41,7 +41,7 @@ class LoadPath:
 
 @dataclass(frozen=True, eq=False)
 class PathPoint:
-    """Equilibrium at ``s`` of a load path."""
+    """Equilibrium at ``s`` of a load path; from 1 on, a place near the path's end."""
 
     s: float
     u: Float
@@ -56,10 +56,11 @@ def follow_path(
     length: float,
     controls: Controls,
 ) -> Iterator[PathPoint]:
-    """Equilibria from ``start`` on, about ``length`` (2-norm of displacements) apart at first.
+    """Equilibria from ``start`` on, about ``length`` (2-norm of displacements) apart at first, and
+    at last a place near where the path first crosses its end.
 
-    The elements are committed at each of them. Raises NotConverged where steps become too small, or
-    are too many.
+    The elements are committed at each equilibrium before that: what lies beyond the end is nothing
+    that they have been through. Raises NotConverged where steps become too small, or are too many.
     """
     u, s = start.u, start.s
     before: Float | None = None
@@ -74,6 +75,10 @@ def follow_path(
             if cuts > _MOST_CUTS:
                 raise NotConverged(f"by arc length: {error}") from None
             continue
+        if s + ds >= 1.0:
+            equation.restore(begun)
+            yield PathPoint(s + ds, u + (1.0 - s) / ds * du, tuple(iterations))
+            return
         u, s, before, cuts = u + du, s + ds, du, 0
         equation.commit(u, path.factors(s))
         yield PathPoint(s, u, tuple(iterations))

@@ -86,12 +86,6 @@ def _solution(
     held = model.fixed | touched(model.constraints, model.fixed.shape)
     reactions = np.where(held, internal - forces, 0.0)
     single = model.forces is not None and model.forces.ndim == 2
-    warnings = []
-    dangling = len(model.mesh.dangling_nodes)
-    if dangling:
-        warnings.append(
-            f"{dangling} nodes belong to no cell; they move only where it is prescribed"
-        )
     clock.mark("reactions")
     return Solution(
         u=u[0] if single else u,
@@ -104,7 +98,7 @@ def _solution(
         external_work=0.5 * np.einsum("lni,lni->l", u, forces + reactions),
         unknowns=int(system.free.sum()),
         message=message,
-        warnings=tuple(warnings),
+        warnings=(),
         timings=clock.timings,
         method=outcome.method,
         backend=outcome.backend,

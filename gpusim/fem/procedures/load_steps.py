@@ -17,7 +17,7 @@ from gpusim.fem.procedures.arc_length import LoadPath, PathPoint, follow_path
 from gpusim.fem.procedures.newton import Controls, equilibrium
 
 # share of a step below which no cut-back is tried
-_LEAST_SHARE = 1.0 / 64.0
+_LEAST_SHARE = 1.0 / 256.0
 
 
 @dataclass(eq=False)
@@ -55,7 +55,7 @@ def load_steps(
             _by_halving(equation, solver, stepping, wanted)
         except NotConverged:
             try:
-                if equation.prescribed(target - begin).any() or not stepping.substeps:
+                if not (equation.by_forces_alone(target - begin) and stepping.substeps):
                     _by_halving(equation, solver, stepping, any_end)
                 else:
                     for point in _by_arc_length(equation, solver, stepping, any_end):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.element_responses import element_responses
-from gpusim.fem.assembly.equation import Equation, portions
+from gpusim.fem.assembly.equation import Equation, external_forces, portions
 from gpusim.fem.elements.corotational import Corotational
 from gpusim.fem.linear.solve_plan import Options
 from gpusim.fem.linear.tangent_solver import TangentSolver
@@ -54,7 +55,7 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
         message = str(error)
     options.clock.mark("load steps")
     last, every = steps[-1], [one for step in steps for one in step.iterations]
-    work = _work(equation, steps)
+    work = float(path_work(model, steps)[-1])
     reasons = () if solver.plan is None else solver.plan.lines
     return Solution(
         u=last.u,
@@ -65,7 +66,7 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
         reactions=last.reactions,
         strain_energy=np.array([work]),
         external_work=np.array([work]),
-        unknowns=int(equation.free.sum()),
+        unknowns=int(equation.unknown.sum()),
         message=message,
         warnings=(*_strain_warning(equation, last.u), *_stability_warning(controls, steps)),
         timings=options.clock.timings,
@@ -111,11 +112,13 @@ def _strain_warning(equation: Equation, u: Float) -> tuple[str, ...]:
     )
 
 
-def _work(equation: Equation, steps: list[LoadStep]) -> float:
-    """Of loads and supports along the path from step to step (trapezoidal rule)."""
+def path_work(model: Model, steps: Sequence[LoadStep]) -> Float:
+    """(K,) work of loads and supports along the path, up to each step (trapezoidal rule)."""
     total, u, forces = 0.0, np.zeros_like(steps[0].u), np.zeros_like(steps[0].u)
+    works = []
     for step in steps:
-        acting = equation.external(step.u, step.factors) + step.reactions
+        acting = external_forces(model, step.u, step.factors) + step.reactions
         total += 0.5 * float(np.vdot(acting + forces, step.u - u))
         u, forces = step.u, acting
-    return total
+        works.append(total)
+    return np.array(works)

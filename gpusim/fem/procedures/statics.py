@@ -1,4 +1,12 @@
-"""Statics: displacements of a model, by linear theory or at large displacements."""
+"""Statics: displacements of a model, by linear theory or at large displacements.
+
+Long or small bodies are factorised on the host (``gpusim.fem.direct_solvers``) and refined with
+float64 residuals. Everything else takes conjugate gradients in float64 (double-single where the
+device has no 64-bit floats), preconditioned by multigrid, until the residual f - K u, formed in
+float64 on the host, is small enough. Load cases share the set-up; a device iterates them at once,
+the host side by side (on Linux, in copies of the process: ``gpusim.parallel.processes``). Large
+displacements are found step by step on the host (``nonlinear_static``).
+"""
 
 from __future__ import annotations
 
@@ -18,11 +26,10 @@ from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.model.solution import Solution
 from gpusim.fem.model.supports import check_supports
 from gpusim.fem.procedures.linear_static import linear_static
-from gpusim.fem.procedures.nonlinear_static import nonlinear_static
 from gpusim.gpu import Device
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.parallel.machine import keep_freed_memory
-from gpusim.validation import finite_numbers, require, require_one_of, unmasked
+from gpusim.validation import as_float64, finite_numbers, require, require_one_of, unmasked
 
 GEOMETRIES = ("linear", "nonlinear")
 
@@ -44,17 +51,10 @@ def solve(
 ) -> Solution:
     """Displacements of a static model, by linear theory or at large displacements.
 
-    Long or small bodies are factorised on the host (``gpusim.fem.direct_solvers``) and refined with
-    float64 residuals. Everything else takes conjugate gradients in float64 (double-single where the
-    device has no 64-bit floats), preconditioned by multigrid, until the residual f - K u, formed in
-    float64 on the host, is small enough. Load cases share the set-up; a device iterates them at
-    once, the host side by side (on Linux, in copies of the process: ``gpusim.parallel.processes``).
-    Which way is cheaper is estimated from the mesh; ``Solution.method`` and ``message`` say it.
-
-    At large displacements each load step is an equilibrium found by Newton's method; steps that
-    fail are halved, and limit points are passed by arc length. Cells of `Isotropic` and
-    `Orthotropic` are linear elements that turn with their mean rotation: displacements and
-    rotations may be any, strains some per cent at most. Other laws hold for any strain.
+    By linear theory K u = f; which solver is cheaper is estimated from the mesh. At large
+    displacements each load step is an equilibrium found by Newton's method; steps that fail are
+    halved, limit points are passed by arc length. Cells of `Isotropic` and `Orthotropic`
+    turn with their mean rotation and strain by 2 % at most; other laws hold for any strain.
 
     Parameters
     ----------
@@ -69,18 +69,19 @@ def solve(
     formulation : integration or enrichment by name, for all cells or per type; see
         ``gpusim.fem.elements.element``. The default is "incompatible" for hex8, "full" otherwise.
     backend : where multigrid iterates: "gpu", "numpy" (the twins, on all processors of the host),
-        or "auto": "gpu" where ``device`` is given or the adapter isn't a software one.
+        or "auto": "gpu" where ``device`` is given or the adapter isn't a software one. Large
+        displacements are always found on the host.
     method : "direct", "multigrid" (smoothed aggregation below geometric levels), or "auto": the
         cheaper of the two; direct also where multigrid doesn't converge.
-    max_iterations : of conjugate gradients, in each linear solution; None: 1000.
-    start : (N,3) or (L,N,3) displacements to begin from; a direct solver needs none.
-    progress : called with (iterations, estimated relative error), of this process's load cases.
+    max_iterations : of conjugate gradients by linear theory; None: 1000.
+    start : (N,3) or (L,N,3) to begin from, by linear theory; a direct solver needs none.
+    progress : called with (iterations, estimated relative error), of this process's load cases, or
+        of each equilibrium.
 
     Raises
     ------
     InputError
-        A wrong argument; supports and constraints that leave a rigid-body motion free (named), or
-        contradict each other.
+        A wrong argument; supports and constraints that leave a rigid-body motion free (named).
     NotConverged
         Values that aren't finite, negative curvature, or a matrix that rounding made indefinite;
         no equilibrium at the first load step. One that is missing later ends the analysis: the
@@ -103,32 +104,39 @@ def solve(
     >>> [f"{step.u[:, 2].max():.3f}" for step in steps]  # 0.942 at factor 1 by linear theory
     ['0.391', '0.582']
     """
-    clock = Clock()
     _check_arguments(model, device, tolerance, backend, max_iterations, method, progress)
-    require_one_of("solve: geometry", geometry, GEOMETRIES)
-    linear = geometry == "linear"
-    if linear:
-        _refuse_finite_strain(model)
+    targets = _targets(model, geometry, factors, start)
     keep_freed_memory()
+    options = Options(method, device, backend, tolerance, max_iterations, _start(model, start),
+                      progress, resolve_formulation(model, formulation), Clock())  # fmt: skip
     # sums by several threads of BLAS aren't worth their waiting; the work is shared out above it
     with one_blas_thread():
-        lattice = model_lattice(model)
-        check_supports(model, lattice)
-        formulations = resolve_formulation(model, formulation)
-        begin = _start(model, start)
-        targets = None if linear else _targets(model, factors)
-        numbering, asked = None if lattice is not None else Numbering.of(model), model
-        if numbering is not None:
-            model = numbering.renumbered(model)
-            begin = None if begin is None else numbering.forward(begin)
-        options = Options(method, device, backend, tolerance, max_iterations, begin, progress,
-                          formulations, clock)  # fmt: skip
-        clock.mark("check")
-        if targets is None:
-            solution = linear_static(model, lattice, options)
-        else:
-            solution = nonlinear_static(model, targets, options)
-        return solution if numbering is None else replace(numbering.back(solution), model=asked)
+        return _solved(model, targets, options)
+
+
+def _solved(model: Model, targets: Float | None, options: Options) -> Solution:
+    """At the factors ``targets`` (K,L), or by linear theory; nodes are numbered anew where that is
+    quicker."""
+    lattice = model_lattice(model)
+    check_supports(model, lattice)
+    numbering, own = None if lattice is not None else Numbering.of(model), model
+    if numbering is not None:
+        own = numbering.renumbered(model)
+        begin = None if options.start is None else numbering.forward(options.start)
+        options = replace(options, start=begin)
+    options.clock.mark("check")
+    if targets is None:
+        solution = linear_static(own, lattice, options)
+    else:
+        # what linear theory doesn't need isn't loaded
+        from gpusim.fem.procedures.nonlinear_static import nonlinear_static
+
+        solution = nonlinear_static(own, targets, options)
+    if numbering is not None:
+        solution = replace(numbering.back(solution), model=model)
+    dangling = len(model.mesh.dangling_nodes)
+    told = f"{dangling} nodes belong to no cell; they move only where it is prescribed"
+    return replace(solution, warnings=(told, *solution.warnings)) if dangling else solution
 
 
 def _check_arguments(
@@ -156,6 +164,22 @@ def _check_arguments(
     require(told, "solve: progress", repr(progress), "a function, or None")
 
 
+def _targets(
+    model: Model, geometry: str, factors: npt.ArrayLike | None, start: npt.ArrayLike | None
+) -> Float | None:
+    """Factors of the steps, see `_factors`; None by linear theory. Refuses what the analysis would
+    leave aside."""
+    require_one_of("solve: geometry", geometry, GEOMETRIES)
+    if geometry == "linear":
+        _refuse_finite_strain(model)
+        expected = "none by linear theory: its load cases are superposed, see Solution.u"
+        require(factors is None, "solve: factors", repr(factors), expected)
+        return None
+    expected = "none: equilibria are followed from rest"
+    require(start is None, "solve: start", type(start).__name__, expected)
+    return _factors(model, factors)
+
+
 def _refuse_finite_strain(model: Model) -> None:
     for number, law in enumerate(model.materials):
         finite = isinstance(law, Law) and law.finite_strain
@@ -171,16 +195,15 @@ def _start(model: Model, start: npt.ArrayLike | None) -> Float | None:
     return np.broadcast_to(u, shape)
 
 
-def _targets(model: Model, factors: npt.ArrayLike | None) -> Float:
+def _factors(model: Model, factors: npt.ArrayLike | None) -> Float:
     """(K,L) factors of the load cases, step by step."""
     cases = len(model.load_cases)
-    given = np.asarray([1.0] if factors is None else factors)
     expected = "(K,) finite numbers, K >= 1"
     if cases > 1:
         expected = f"(K, {cases}) finite numbers, K >= 1: how load cases add up in each step"
+    asked = [1.0] if factors is None else factors
+    given = as_float64(asked, "solve: factors", expected)
     require(given.size > 0, "solve: factors", "none", expected)
-    shapes = [(len(given), cases)] if given.ndim else [(1,)]
-    if cases == 1 and given.ndim == 1:
-        shapes = [given.shape]
-    return finite_numbers(factors if factors is not None else [1.0], "solve: factors", shapes,
-                          expected).reshape(-1, cases)  # fmt: skip
+    count = len(given) if given.ndim else 1
+    shapes = [(count, cases), (count,)] if cases == 1 else [(count, cases)]
+    return finite_numbers(asked, "solve: factors", shapes, expected).reshape(-1, cases)

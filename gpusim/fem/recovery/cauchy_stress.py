@@ -8,6 +8,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.fem.elements.element_response import ElementResponse
+from gpusim.fem.materials.j2 import J2
 from gpusim.fem.materials.logarithmic_strain import LogarithmicStrain
 from gpusim.fem.materials.symmetric_tensors import ENGINEERING
 from gpusim.fem.model.model import Model
@@ -48,11 +49,12 @@ class _CauchyRecovery(Recovery):
             self._take(one)
 
     def _take(self, response: ElementResponse) -> None:
-        """The values of its points; its last number of history is the plastic strain."""
+        """The values of its points, and the plastic strain of metal."""
         kind, block = response.name, response.block
         assert block.numbers is not None
         place = block.numbers - self._first[kind]
-        state = response.snapshot().state
+        # the last number of its history
+        state = response.snapshot().state if isinstance(block.law, J2) else None
 
         def take(start: int) -> None:
             which = np.arange(start, min(start + _CHUNK, len(place)))

@@ -12,7 +12,8 @@ does: within 9 % of its error up to F L^2 / E I = 3, where linear theory is 66 %
 
 A bar that turns by w is also drawn longer by w^2 / 2, which an exact solution isn't.
 
-Bodies held at both ends also stiffen because they are stretched; that isn't in the estimate.
+Bodies held at both ends also stiffen because they are stretched; that isn't in the estimate:
+`stretching` bounds it, and `gpusim.fem.procedures.expansion` finds it.
 """
 
 from __future__ import annotations
@@ -64,12 +65,29 @@ def _pressed(found: Stress, turn: Float, square: Float) -> float:
 
 def cell_rotations(mesh: Mesh, u: Float) -> Float:
     """Rotation vectors (M, 3) in rad at the middle of each cell: half the curl of ``u`` (N, 3)."""
-    result = np.empty((mesh.cell_count, 3))
+    gradient, _ = _middle_gradients(mesh, u)
+    skew = 0.5 * (gradient - gradient.transpose(0, 2, 1))
+    return np.asarray(skew[:, [2, 0, 1], [1, 2, 0]])
+
+
+def stretching(mesh: Mesh, u: Float) -> float:
+    """How large the strain is that linear theory leaves out, over the one that it has: squares
+    summed over the body. Where it is small, linear theory is right, however the body is held."""
+    gradient, size = _middle_gradients(mesh, u)
+    strain = 0.5 * (gradient + gradient.transpose(0, 2, 1))
+    quadratic = 0.5 * np.matmul(gradient.transpose(0, 2, 1), gradient)
+    whole, left = (size @ (one**2).sum(axis=(1, 2)) for one in (strain, quadratic))
+    return float(left / whole) if whole > 0.0 else 0.0
+
+
+def _middle_gradients(mesh: Mesh, u: Float) -> tuple[Float, Float]:
+    """Of ``u`` at the middle of each cell (M, 3, 3), and what the cells' volumes are like (M,)."""
+    gradient, size = np.empty((mesh.cell_count, 3, 3)), np.empty(mesh.cell_count)
     for kind, first, block in mesh.blocks():
         middle = reference_nodes(CELL_TYPES[kind].linear).mean(axis=0)[None]
         slope = shape_gradients(kind, middle)[0]
         jacobian = np.einsum("mki,kj->mij", mesh.points[block], slope)
-        gradient = np.einsum("mki,kj->mij", u[block], slope) @ np.linalg.inv(jacobian)
-        skew = 0.5 * (gradient - gradient.transpose(0, 2, 1))
-        result[first : first + len(block)] = skew[:, [2, 0, 1], [1, 2, 0]]
-    return result
+        own = slice(first, first + len(block))
+        gradient[own] = np.einsum("mki,kj->mij", u[block], slope) @ np.linalg.inv(jacobian)
+        size[own] = np.linalg.det(jacobian)
+    return gradient, size

@@ -178,9 +178,10 @@ def stress(
     formulation : the one that u was solved with, as for `solve`; internal modes of incompatible
         elements are recovered, so a bent beam has its exact stress.
     temperature : (N,) or scalar temperature change, the one of ``thermal``: its free strain causes
-        no stress. None: none.
+        no stress. None: the model's own, none where it has none.
 
-    Raises InputError for several load cases at once (take one), or wrong shapes.
+    Raises InputError for several load cases at once (take one), or wrong shapes, and without
+    ``temperature`` for a model that has several.
 
     Examples
     --------
@@ -193,6 +194,10 @@ def stress(
     shape = model.mesh.points.shape
     expected = f"{shape} finite numbers, the displacements of one load case"
     field = finite_numbers(u, "stress: u", [shape], expected)
+    if temperature is None and model.temperature is not None:
+        cases = len(model.temperature)
+        require(cases == 1, "stress: temperature", f"None, {cases} load cases", "that of u's case")
+        temperature = model.temperature[0]
     change = None if temperature is None else linear_temperature("stress", model.mesh, temperature)
     # the work is shared out above BLAS
     with one_blas_thread():

@@ -4,8 +4,8 @@ In the order in which data passes:
 
 - `resources`: What a run needs of the machine, asked before any work: files, folders, memory.
 - `measurability`: Whether speckle can be measured in pictures: how large its discs are there.
-- `linear_theory`: How far linear statics is off where a body turns: an estimate from the linear
-  solution.
+- `linear_theory`: How far linear statics is off in the frames of a scene, as an estimate and in
+  words.
 - `warnings`: Warnings that a scene's geometry gives before any work: for ``gpusim plan``, and for
   the report.
 """

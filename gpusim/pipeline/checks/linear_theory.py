@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.fem.recovery.linear_theory import cell_rotations, second_order
+from gpusim.fem.model.model import Model
+from gpusim.fem.procedures.expansion import higher_orders
+from gpusim.fem.recovery.linear_theory import cell_rotations, second_order, stretching
 from gpusim.pipeline.scene_objects.modelling import build_model, temperature
 from gpusim.pipeline.scene_objects.moving_bodies import MovingBodies
 from gpusim.pipeline.scene_objects.surfaces import MeshedBody
@@ -15,6 +17,7 @@ from gpusim.scene.description import model as m
 
 SMALL_TURN = 0.02  # rad: at most 0.08 % of the displacement, which takes no further look
 TOLD = 0.005
+STRETCHING = 3e-4  # three times what could make a difference of 0.2 %
 LARGE = 0.1  # of a body's size
 FORCES = (
     m.ForceTable,
@@ -50,7 +53,7 @@ class LinearError:
     def fact(self) -> str:
         """In a few words, whatever it is."""
         turn = f"turns by up to {np.degrees(self.turn):.2g} degrees in frame {self.frame}: "
-        if not self.turn > SMALL_TURN:
+        if not self.turn > SMALL_TURN and self.off < 0.001:
             return f"{turn}displacements are less than 0.1 % off"
         return f"{turn}{self._off} of {1e3 * self.moved:.4g} mm"
 
@@ -118,6 +121,18 @@ def _extreme_frames(objects: MovingBodies, number: int) -> list[int]:
         if several:  # else it turns most where it moves most
             turn[frame] = np.linalg.norm(cell_rotations(mesh, u), axis=1).max(initial=0.0)
     return list(dict.fromkeys([int(reach.argmax()), int((turn if several else reach).argmax())]))
+
+
+def with_stretching(
+    error: LinearError, u: Float, model: Model, factors: Float, formulation: str
+) -> LinearError:
+    """The same where a body may have to stretch as it bends, of its displacements ``u`` (N, 3) in
+    the frame of the error, at ``factors`` (L,) of the load cases of its model."""
+    if model.constraints or not stretching(model.mesh, u) > STRETCHING:
+        return error
+    moved = u + higher_orders(model, u, factors, formulation)
+    change = float(np.linalg.norm(moved, axis=1).max()) / error.moved - 1.0
+    return replace(error, share=1.0 + change if change > 0.0 else 1.0 / (1.0 - change))
 
 
 def _in_frame(objects: MovingBodies, number: int, frame: int) -> LinearError:

@@ -1,4 +1,4 @@
-"""Load steps of a scene's bodies at large displacements, as they are kept.
+"""Load steps of a scene's bodies at large displacements, as they are stored.
 
 Stress and strain of each step are kept as well: they depend on what the material has been through,
 and don't follow from displacements alone.

@@ -7,6 +7,8 @@ passes:
 - `checks`: What is doubtful about a scene: of its geometry before any work, of linear theory
   afterwards.
 - `mechanics`: Models, their solution, the motions that follow, stress by frame.
+- `equilibria`: Large displacements: which bodies linear theory is too far off for, and their
+  equilibria.
 - `images`: Pictures of frames and of calibration targets: radiance, exposure, the picture.
 - `fields`: Pictures of the bodies in the colours of their fields, and how far forces move them.
 - `truth`: truth.h5: what every pixel that sees a body sees, in every frame, and the bodies' nodes.

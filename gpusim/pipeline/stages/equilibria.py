@@ -17,7 +17,7 @@ from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
 from gpusim.motion import Motion, State, Stepped, Superposed
-from gpusim.pipeline.checks.linear_theory import LinearError, linear_error
+from gpusim.pipeline.checks.linear_theory import LinearError, linear_error, with_stretching
 from gpusim.pipeline.notes import notes_of
 from gpusim.pipeline.scene_objects.load_steps import STEPS, step_arrays, stepped_motion
 from gpusim.pipeline.scene_objects.modelling import BodyModel, displaced_model
@@ -57,14 +57,14 @@ def equilibria(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     facts, rows, warnings = dict[str, str](), list[LoadStepRow](), list[str]()
     arrays, forces = dict[str, npt.NDArray[Any]](), dict[str, Any]()
     for number, body in enumerate(scene.bodies):
-        why, error = _choice(geometry, objects, number)
+        made: BodyModel = inputs[f"model/{body.name}"]
+        path = _load_path(objects, number, frames, made.model, session)
+        why, error = _choice(geometry, objects, number, path)
         if error is not None and error.doubtful:
             warnings.append(f"body {body.name!r}: {error.doubtful}")
         if error is not None and not why:
             facts[f"linear statics, {body.name}"] = error.fact
             continue
-        made: BodyModel = inputs[f"model/{body.name}"]
-        path = _load_path(objects, number, frames, made.model, session)
         solution = _solved(path, scene, number, session, inputs)
         found = [_row(path, solution.steps[k], k) for k in range(len(path.states))]
         facts[f"nonlinear statics, {body.name}"] = f"{why}; {_changed(found)}"
@@ -96,17 +96,23 @@ def motion(scene: Scene, inputs: Inputs, session: Session) -> Motion:
         return stepped_motion(stored, number)
 
 
-def _choice(geometry: str, objects: MovingBodies, number: int) -> tuple[str, LinearError | None]:
+def _choice(
+    geometry: str, objects: MovingBodies, number: int, path: _LoadPath
+) -> tuple[str, LinearError | None]:
     """Why a body is solved at large displacements ("" if it isn't), and how far off linear theory
     is where that decides."""
-    if all(shown.states[number] is None for shown in objects.frames):  # nothing moves it
+    if not path.states:  # nothing moves it
         return "", linear_error(objects, number)
     if geometry == "nonlinear":
         return "asked for", None
     for material in objects.bodies[number].body.materials:
         if material.finite_strain:
             return f"linear theory doesn't know material {material.name!r}", None
-    error = linear_error(objects, number)
+    error, body = linear_error(objects, number), objects.bodies[number].body
+    state = objects.frames[error.frame].states[number]
+    if error.off <= SMALL and state is not None:  # at rest: forces that move nothing
+        u, weights = path.linear.displacement(state), np.array(state)
+        error = with_stretching(error, u, path.model, weights, body.formulation)
     return (f"by linear theory it {error.fact}" if error.off > SMALL else ""), error
 
 

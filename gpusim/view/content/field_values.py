@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from gpusim.arrays.array_types import Float
 from gpusim.export.field_catalogue import BODY, TRUTH, Field
+from gpusim.motion import Stepped
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.validation import require_one_of
 from gpusim.view.content.content import Content
@@ -39,7 +40,12 @@ def field_names(content: Content | None) -> list[str]:
     if content is None or not content.skins or not content.moves or content.objects is None:
         return []
     solved = content.is_solvable and not content.unloaded
+    displaced = any(isinstance(motion, Stepped) for motion in content.objects.motions)
+    if displaced:  # their stress is what was written of it
+        solved = content.stresses is not None
+    without = {"element_von_mises"} if displaced else {"plastic_strain"}
     names = [name for name in BODY if solved or name.startswith("displacement")]
+    names = [name for name in names if name not in without]
     if content.cameras:
         names += SEEN
     return [*names, *(f"{one.name}/{name}" for one in content.measured for name in one.fields)]

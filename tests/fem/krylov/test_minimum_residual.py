@@ -60,7 +60,7 @@ def test_a_preconditioner_that_is_not_definite_is_refused(scale: float) -> None:
 
 
 def test_running_out_of_iterations_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gpusim.fem.krylov.minimum_residual._MOST_ITERATIONS", 3)
+    monkeypatch.setattr("gpusim.fem.krylov.minimum_residual._PER_DECIMAL", 0.25)
     matrix, inverse, right = problem(np.linspace(1.0, 5.0, N))
     with pytest.raises(NotConverged, match="3 iterations"):
         minimum_residual(lambda v: v @ matrix, lambda r: r @ inverse, right[None], 1e-12)

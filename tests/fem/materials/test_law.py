@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,7 @@ ELASTIC = [
     WOOD,
     gs.SaintVenantKirchhoff(70e3, 0.33),
     gs.NeoHookean(3.0, 0.45),
+    gs.fem.IsochoricNeoHookean(3.0, 0.45),
     gs.Hencky(2e3, -0.2),
 ]
 PLASTIC = [
@@ -63,7 +66,7 @@ def test_stress_gives_back_on_a_closed_path_all_that_it_took(law: gs.fem.Law) ->
 class Damage:
     """A user's own: the stiffness falls as exp(-(k - 1) / 4), k the largest energy so far."""
 
-    density, state_size, finite_strain = 1.0, 1, False
+    density, state_size, finite_strain = 1.0, 1, True
 
     def stiffness(self) -> Float:
         return STEEL.stiffness()
@@ -94,3 +97,55 @@ def test_a_users_law_is_one_class() -> None:
     assert (unloaded.state > 1.0).any()
     fresh = law.update(0.5 * strain, np.zeros((12, 1)), moduli=False).stress
     assert (np.abs(unloaded.stress) < np.abs(fresh)).any()
+
+
+def bar(law: gs.fem.Law) -> gs.Model:
+    """Two units long, pulled by its end along x, free to contract."""
+    mesh = gs.mesh.box(size=(2.0, 1.0, 1.0), divisions=(2, 1, 1))
+    x, y, z = (np.isclose(mesh.points, 0.0)).T
+    end = np.isclose(mesh.points[:, 0], 2.0)
+    fixed = np.stack([x | end, y, z], axis=1)
+    prescribed = np.zeros(mesh.points.shape)
+    prescribed[end, 0] = 2.0
+    return gs.Model(mesh, law, fixed, prescribed=prescribed)
+
+
+def test_a_users_law_is_solved_with_its_history() -> None:
+    # stretched, let go and stretched further: by the closed form of uniaxial stress
+    E = STEEL.E
+    stretch = np.array([0.5, 0.1, 0.5, 0.7]) * np.sqrt(10.0 / E)
+    solution = gs.fem.solve(bar(Damage()), geometry="nonlinear", factors=stretch, tolerance=1e-9)
+    green = stretch + 0.5 * stretch**2
+    energy = 0.5 * E * green**2
+    k = np.maximum.accumulate(energy)
+    damaged = np.exp(-np.maximum(k - 1.0, 0.0) / 4.0) * E * green
+    force = [step.reactions[step.reactions[:, 0] > 0.0, 0].sum() for step in solution.steps]
+    assert (k > 1.0).any()
+    assert np.abs(np.array(force) - (1.0 + stretch) * damaged).max() <= 1e-6 * damaged.max()
+
+
+def test_a_law_for_small_strain_is_linear_or_refused() -> None:
+    law = Damage()
+    law.finite_strain = False
+    with pytest.raises(gs.InputError, match=r"materials\[0\]: history.*finite_strain = True"):
+        gs.fem.solve(bar(law), geometry="nonlinear")
+    stiffens = Damage()
+    stiffens.finite_strain, stiffens.state_size = False, 0
+    stiffens.update = lambda strain, state, *, moduli: gs.fem.Update(  # type: ignore[method-assign]
+        strain @ STEEL.stiffness() * (1.0 + np.abs(strain).max()), STEEL.stiffness(), None
+    )
+    with pytest.raises(gs.InputError, match="isn't stiffness"):
+        law_of(stiffens, "materials[0]")
+
+
+def test_a_law_that_loses_its_numbers_is_named() -> None:
+    law = Damage()
+    answer = law.update
+
+    def lost(strain: Float, state: Float | None, *, moduli: bool) -> gs.fem.Update:
+        found = answer(strain, state, moduli=moduli)
+        return replace(found, stress=np.where(np.abs(strain) > 1e-4, np.nan, found.stress))
+
+    law.update = lost  # type: ignore[method-assign]
+    with pytest.raises(gs.NotConverged, match="Damage: got a stress that isn't finite"):
+        gs.fem.solve(bar(law), geometry="nonlinear", factors=[0.01])

@@ -47,7 +47,7 @@ def test_a_users_own_material_is_checked() -> None:
     with pytest.raises(InputError, match="aren't finite"):
         Model(mesh, [Custom(matrix * np.nan)])
     with pytest.raises(
-        InputError, match=r"materials\[0\]: got str; expected Isotropic or Orthotropic, or a list"
+        InputError, match=r"materials\[0\]: got str; expected Isotropic, Orthotropic or another law"
     ):
         Model(mesh, ["steel"])  # type: ignore[list-item]
 
@@ -96,13 +96,13 @@ class Flawed:
     ("changes", "words"),
     [
         ({"stress": np.zeros(6)}, r"shapes of update\(\)'s stress and moduli; got \(\(6,\), \(6"),
-        ({"moduli": None}, r"shapes .*; got \(\(2, 6\), \(\)\); expected \(…, 6\) and \(…, 6, 6"),
-        ({"state": None}, r"shape of update\(\)'s state; got None; expected \(2, 2\)"),
-        ({"state": np.zeros((2, 3))}, r"shape of .*; got \(2, 3\); expected \(2, 2\)"),
-        ({"stress": np.ones((2, 6))}, "stress without strain; got 1.0; expected 0"),
-        ({"stress": np.full((2, 6), np.nan)}, "stress without strain; got nan"),
-        ({"moduli": 1.1 * np.eye(6)}, r"moduli of update\(\) at rest are off stiffness\(\); got 0"),
-        ({"moduli": np.full((6, 6), np.nan)}, r"moduli .* at rest are off stiffness\(\); got nan"),
+        ({"moduli": None}, r"shapes .*, \(\)\); expected \(2, 3, 6\), and \(6, 6\) or \(2, 3, 6"),
+        ({"state": None}, r"shape of update\(\)'s state; got None; expected \(2, 3, 2\)"),
+        ({"state": np.zeros((2, 3))}, r"shape of .*; got \(2, 3\); expected \(2, 3, 2\)"),
+        ({"stress": np.ones((2, 3, 6))}, "stress without strain; got 1.0; expected 0"),
+        ({"stress": np.full((2, 3, 6), np.nan)}, r"update\(\); got values that aren't finite"),
+        ({"moduli": 1.1 * np.eye(6)}, r"moduli of update\(\) at rest are off .*; got a diff.* 0.1"),
+        ({"moduli": np.full((6, 6), np.nan)}, r"update\(\); got values that aren't finite"),
     ],
 )
 def test_a_flawed_law_is_refused(changes: dict[str, Any], words: str) -> None:

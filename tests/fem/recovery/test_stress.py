@@ -236,6 +236,20 @@ def test_free_expansion_has_no_stress(kind: str, formulation: str) -> None:
     assert found.energy.sum() <= 1e-18
 
 
+def test_heat_of_the_model_itself_is_no_stress() -> None:
+    mesh = bar("hex8", (2.0, 1.0, 0.5), (3, 2, 2))
+    material = Isotropic(200.0, 0.3, expansion=1e-3)
+    hot = Model(mesh, material, loosely_held(mesh), temperature=20.0)
+    u = 20e-3 * mesh.points
+    assert np.abs(stress(hot, u).nodal).max() <= 1e-9
+    cold = stress(hot, u, temperature=0.0)
+    assert cold.nodal[:, 0].min() > 1.0
+    forces = np.zeros((2, *mesh.points.shape))
+    twice = Model(mesh, material, loosely_held(mesh), forces, temperature=20.0)
+    with pytest.raises(InputError, match="stress: temperature; got None, 2 load cases"):
+        stress(twice, u)
+
+
 def test_orthotropic_free_expansion() -> None:
     axes = np.array([[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
     material = Orthotropic(

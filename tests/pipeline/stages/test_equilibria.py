@@ -16,7 +16,15 @@ from gpusim.pipeline.stages.equilibria import SMALL
 from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene
 from gpusim.scene.frames import frame_table
-from tests.pipeline.stages.test_mechanics import CLAMP, DOWN, STEEL, displacement, fields, scene
+from tests.pipeline.stages.test_mechanics import (
+    CLAMP,
+    DOWN,
+    LINEAR,
+    STEEL,
+    displacement,
+    fields,
+    scene,
+)
 
 FAR = {**DOWN, "force_N": [0.0, 0.0, -2000.0]}
 METAL = {**STEEL, "type": "j2", "yield_stress_MPa": 250.0, "hardening_MPa": 2000.0}
@@ -75,7 +83,7 @@ def test_auto_is_nonlinear_where_linear_theory_is_too_far_off(tmp_path: Path) ->
 
 def test_what_is_asked_for_is_done(tmp_path: Path) -> None:
     for geometry, motion in (("linear", Superposed), ("nonlinear", Stepped)):
-        made = scene(load=[FAR], geometry=geometry)
+        made = scene(load=[FAR], analysis={"geometry": geometry})
         report = gs.run(made, tmp_path / geometry, backend="numpy")
         (fact,) = statics(report).values()
         assert fact.startswith("asked for" if motion is Stepped else "turns by up to")
@@ -126,7 +134,8 @@ def test_metal_that_has_yielded_is_another_body_when_loads_come_back(tmp_path: P
     # unloaded, it is pressed
     (held,) = [one for one in report.mechanics.reactions if one.name == "pull"]  # type: ignore[union-attr]
     assert held.force[0] < -1e4
-    assert np.abs(data[2]["strain"][:, 0] - np.log(1.0 + 1.0 / 240.0)).max() <= 3e-3
+    # the ends are held sideways, the middle strains a little more
+    assert 1.0 <= np.median(data[2]["strain"][:, 0]) / np.log(1.0 + 1.0 / 240.0) <= 1.1
     (peak,) = report.mechanics.stresses  # type: ignore[union-attr]
     assert peak.von_mises == pytest.approx(data[5]["von_mises"].max())
 
@@ -170,9 +179,9 @@ def test_heat_turns_with_the_body(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "key", "problem"),
     [
-        ({"material": METAL, "geometry": "linear"}, "body.bar.material", "linear theory"),
+        ({"material": METAL, "analysis": LINEAR}, "body.bar.material", "linear theory"),
         ({"load": [{"name": "p", "type": "pressure", "where": {"set": "z_max"},
-                    "pressure_MPa": 1.0, "follows": True}], "geometry": "linear"},
+                    "pressure_MPa": 1.0, "follows": True}], "analysis": LINEAR},
          "body.bar.load.p.follows", "nothing turns"),
         ({"material": METAL, "mesh": {"builder": "box", "size_mm": [20.0, 20.0, 10.0],
                                       "divisions": [1, 1, 1], "cells": "tet4"}},
@@ -226,7 +235,12 @@ def test_geometry_is_part_of_what_results_depend_on(tmp_path: Path) -> None:
     for geometry in ("linear", "nonlinear"):
         plan = make_plan(auto.replace("analysis.geometry", geometry), tmp_path, "numpy")
         assert plan["export"].runs
-    assert not make_plan(auto, tmp_path, "numpy")["solve"].runs
+    for same in (auto, auto.replace("analysis.frame_rate_Hz", 50.0)):
+        assert not make_plan(same, tmp_path, "numpy")["solve"].runs
+    stressed = auto.replace("output.stress", True)
+    assert not make_plan(stressed, tmp_path, "numpy")["solve"].runs
+    more = auto.replace("analysis.load_factors", [0.0, 0.5, 1.0])
+    assert make_plan(more, tmp_path, "numpy")["solve"].runs
     nonlinear = make_plan(auto.replace("analysis.geometry", "nonlinear"))["solve"]
     assert "nonlinear, 1 load steps" in nonlinear.detail
     assert "nonlinear if the linear solution is too far off" in make_plan(auto)["solve"].detail
@@ -239,3 +253,37 @@ def test_a_scene_as_an_object_moves_as_its_run_does(tmp_path: Path) -> None:
     solution = made.solution()["bar"]
     np.testing.assert_array_equal(solution.displacement(1), displacement(tmp_path, 1))
     assert solution.reactions(1)[0] == pytest.approx([0.0, 0.0, 2000.0], abs=1e-3)
+
+
+def test_a_scene_is_solved_as_its_frames_are(tmp_path: Path) -> None:
+    made = scene(load=[FAR], factors=[0.0, 0.5, 1.0, 0.5], analysis={"geometry": "nonlinear"})
+    gs.run(made, tmp_path, backend="numpy")
+    steps = gs.solve(made, backend="numpy").steps
+    assert [step.factors.tolist() for step in steps] == [[0.5], [1.0]]
+    np.testing.assert_array_equal(steps[1].u, displacement(tmp_path, 2))
+    assert gs.solve(made.replace("analysis.geometry", "auto"), backend="numpy").steps == ()
+
+
+def test_a_modulus_that_is_meant_otherwise_is_asked_about(tmp_path: Path) -> None:
+    soft = {**STEEL, "youngs_modulus_GPa": 0.2}  # MPa taken for GPa: F L^3 / 3 E I is 691 mm
+    report = gs.run(scene(material=soft), tmp_path, backend="numpy")
+    (question,) = (text for text in report.warnings if "units" in text)
+    assert "by linear theory displacements differ by 680 mm in frame 1" in question
+    assert question.endswith("are units, loads and moduli meant so?")
+
+
+def test_a_body_that_is_stretched_as_it_bends_is_found(tmp_path: Path) -> None:
+    """Held at both ends it turns by a third of a degree, and linear theory is 4 % too far."""
+    mesh = {"builder": "box", "size_mm": [240.0, 10.0, 2.0], "divisions": [48, 2, 2]}
+    where = {"x_min_mm": 119.0, "x_max_mm": 121.0}
+    push = {**DOWN, "type": "nodal_force", "where": where}
+    far = {**CLAMP, "name": "far", "where": {"set": "x_max"}}
+    moved = []
+    for number, force in enumerate((0.1, 1.0)):
+        load = {**push, "force_N": [0.0, 0.0, -force]}  # on each of 9 nodes
+        made = scene(mesh=mesh, support=[CLAMP, far], load=[load])
+        report = gs.run(made, tmp_path / str(number), backend="numpy")
+        ((name, _),) = statics(report).items()
+        assert name.startswith("nonlinear" if number else "linear")
+        moved.append(float(np.abs(displacement(tmp_path / str(number), 1)).max()))
+    assert 0.95 <= moved[1] / (10.0 * moved[0]) <= 0.975

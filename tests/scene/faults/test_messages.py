@@ -63,8 +63,8 @@ def told(scene: Scene, path: str, value: Any) -> str:
         ("schema", ..., "schema: missing; expected 1 (version of the scene format)"),
         ("body.0.paint", ..., "body.crane.paint: missing; expected one table or more (a face"),
         ("analysis.type", "modal", 'analysis.type: no such analysis yet; got "modal"; expected '
-         '"static" (equilibrium), or "field" (displacements that are given); what another program has '
-         "solved goes into [body.field] file, or `gpusim render --field FILE`"),
+         '"static" (equilibrium), or "field" (displacements that are given); what another program '
+         "has solved goes into [body.field] file, or `gpusim render --field FILE`"),
         ("analysis.geometry", "nonlinaer", 'analysis.geometry: unknown value; got "nonlinaer"; '
          'expected one of "auto", "linear", "nonlinear" (did you mean nonlinear?)'),
         ("load", [{"name": "pull"}], "load: unknown key (did you mean body.load?)"),
@@ -128,7 +128,7 @@ def test_a_model_takes_one_material() -> None:
     mesh = box((0.3, 0.2, 0.1), (2, 1, 1))
     steel = gs.Isotropic(210e9, 0.3)
     assert gs.Model(mesh, steel).materials == (steel,)  # type: ignore[arg-type]
-    for wrong, said in ((gs.Isotropic, "got type"), ([], "got none"), (3, "got int"),
+    for wrong, said in ((gs.Isotropic, "got the class Isotropic"), ([], "got none"), (3, "got int"),
                         ([gs.Isotropic], r"materials\[0\]: got the class Isotropic")):  # fmt: skip
         with pytest.raises(InputError, match=said):
             gs.Model(mesh, wrong)  # type: ignore[arg-type]

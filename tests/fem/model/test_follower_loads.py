@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 import pytest
-from tests.support.element_meshes import linear_mesh
 
 from gpusim.errors import InputError
 from gpusim.fem import FollowerPressure, Isotropic, Model, pressure, solve
 from gpusim.mesh import Mesh, boundary_faces, box, quadratic, select_faces
+from tests.support.element_meshes import linear_mesh
 
 Float = npt.NDArray[np.float64]
 
@@ -109,3 +109,31 @@ def test_wrong_loads_are_refused() -> None:
         Model(other, Isotropic(1.0, 0.3), loads=[FollowerPressure(faces, 1.0)])
     with pytest.raises(InputError, match=r"loads\[0\].*got ndarray"):
         Model(mesh, Isotropic(1.0, 0.3), loads=[pressure(mesh, faces, 1.0)])
+
+
+@pytest.mark.parametrize("given", ["x", None, [1.0, 2.0], np.nan, True])
+def test_a_pressure_is_one_number(given: object) -> None:
+    faces = boundary_faces(box((1.0, 1.0, 1.0), (1, 1, 1)))
+    with pytest.raises(InputError, match="FollowerPressure: value"):
+        FollowerPressure(faces, given)  # type: ignore[arg-type]
+    assert type(FollowerPressure(faces, 2).value) is float
+
+
+@pytest.mark.parametrize("case", ["x", None, 0.5, True])
+def test_a_load_case_has_a_whole_number(case: object) -> None:
+    faces = boundary_faces(box((1.0, 1.0, 1.0), (1, 1, 1)))
+    with pytest.raises(InputError, match="FollowerPressure: case"):
+        FollowerPressure(faces, 1.0, case)  # type: ignore[arg-type]
+
+
+def test_faces_of_a_mesh_with_as_many_nodes_are_refused() -> None:
+    mesh, other = box((1.0, 1.0, 1.0), (2, 1, 1)), box((2.0, 1.0, 1.0), (2, 1, 1))
+    steel, load = Isotropic(1.0, 0.3), FollowerPressure(boundary_faces(other), 1.0)
+    with pytest.raises(InputError, match=r"Model\.loads\[0\]; got faces of another mesh"):
+        Model(mesh, [steel], loads=[load])
+    assert Model(other, [steel], loads=[load]).loads == (load,)
+    for given in (None, 3):
+        with pytest.raises(InputError, match=r"Model.loads; got .*; expected .*FollowerPressure"):
+            Model(mesh, [steel], loads=given)  # type: ignore[arg-type]
+        with pytest.raises(InputError, match=r"Model.constraints; got .*; expected .*Equations"):
+            Model(mesh, [steel], constraints=given)  # type: ignore[arg-type]

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from numbers import Integral
 
 import numpy as np
 
 from gpusim.arrays.array_types import Float, Int, Long
-from gpusim.fem.elements.element import FACE_ELEMENTS, face_groups
+from gpusim.fem.elements.element import FaceElement, face_element, face_groups
+from gpusim.fem.materials.constants import constant
 from gpusim.field_summary import field_summary
 from gpusim.mesh import Faces
 from gpusim.validation import require
@@ -21,6 +23,7 @@ class FollowerPressure:
     Its stiffness counts as far as it is symmetric: all of it where the pressed faces are closed or
     end at supports, so that the pressure has a potential (Schweizerhof & Ramm, Comput. Struct. 18
     (1984) 1099). In linear statics it is the `gpusim.fem.pressure` of the undeformed faces.
+    ``count``: integration points of a face, for comparison with other programs; None: as there.
 
     Examples
     --------
@@ -33,13 +36,15 @@ class FollowerPressure:
     faces: Faces
     value: float
     case: int = 0
+    count: int | None = None
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
         require(isinstance(self.faces, Faces), "FollowerPressure: faces", repr(self.faces), "Faces")
         require(len(self.faces) > 0, "FollowerPressure: faces", "none", "at least one")
-        value = self.value
-        require(np.isfinite(value), "FollowerPressure: value", value, "a finite number")
+        object.__setattr__(self, "value", constant(self.value, "FollowerPressure: value"))
+        whole = isinstance(self.case, Integral) and not isinstance(self.case, bool)
+        require(whole, "FollowerPressure: case", repr(self.case), "the number of a load case")
 
     def renumbered(self, place: Int, points: Float) -> FollowerPressure:
         """On a mesh in which node i is number ``place[i]``, with nodes at ``points`` (N,3)."""
@@ -52,7 +57,8 @@ class FollowerPressure:
     def parts(self) -> list[PressedFaces]:
         """The faces type by type."""
         return [
-            PressedFaces(one.name, nodes, self.value) for one, _, nodes in face_groups(self.faces)
+            PressedFaces(face_element(one.name, self.count), nodes, self.value)
+            for one, _, nodes in face_groups(self.faces)
         ]
 
     def forces(self, points: Float) -> Float:
@@ -65,15 +71,20 @@ class FollowerPressure:
 
 @dataclass(frozen=True, eq=False)
 class PressedFaces:
-    """Pressed faces of type ``name`` with nodes ``cells`` (K,n)."""
+    """Pressed faces of one type with nodes ``cells`` (K,n)."""
 
-    name: str
+    element: FaceElement
     cells: Int
     value: float
 
+    @property
+    def name(self) -> str:
+        """The type."""
+        return self.element.name
+
     def forces(self, points: Float) -> Float:
         """(K,n,3): minus the pressure times the integral of shape function x area vector."""
-        element = FACE_ELEMENTS[self.name]
+        element = self.element
         tangent = self._tangents(points, np.arange(len(self.cells)))
         normal = np.cross(tangent[..., 0], tangent[..., 1]) * element.weight[:, None]
         return np.asarray(-self.value * np.matmul(element.shape.T, normal))
@@ -84,7 +95,7 @@ class PressedFaces:
         With tangents x_1, x_2 a node's motion v changes the area vector by N_1 v x x_2 + N_2 x_1 x
         v.
         """
-        element = FACE_ELEMENTS[self.name]
+        element = self.element
         tangent = self._tangents(points, which)
         # (m,q,n,3,3): the change of the area vector by each node's motion
         change = element.gradient[None, :, :, 1, None, None] * _cross(tangent[..., 0])[:, :, None]
@@ -99,7 +110,7 @@ class PressedFaces:
         """(m,q,3,2) derivatives of position."""
         corners = points[self.cells[which]]
         corners = corners - corners[:, :1]
-        return np.asarray(np.einsum("fki,qkj->fqij", corners, FACE_ELEMENTS[self.name].gradient))
+        return np.asarray(np.einsum("fki,qkj->fqij", corners, self.element.gradient))
 
 
 def _cross(vector: Float) -> Float:

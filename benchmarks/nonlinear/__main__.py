@@ -1,0 +1,40 @@
+"""Large displacements against references, and time beside CalculiX:
+``python -m benchmarks.nonlinear``."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Iterator, Sequence
+
+from benchmarks.nonlinear import accuracy, speed
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--case", default="", metavar="TEXT", help="part of the cases' names")
+    parser.add_argument("--only", choices=("accuracy", "speed"), help="default both")
+    parser.add_argument("--repeat", type=int, default=2, help="runs of which the best counts")
+    parser.add_argument("--no-peers", action="store_true", help="measure gpusim alone")
+    given = parser.parse_args()
+    if given.only != "speed":
+        _print(accuracy.HEADINGS, accuracy.accuracy(given.case))
+    if given.only != "accuracy":
+        _print(speed.HEADINGS, speed.speed(given.repeat, not given.no_peers))
+
+
+def _print(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """A table, row by row as these are measured."""
+    for line in _markdown(headings, rows):
+        print(line, flush=True)
+    print()
+
+
+def _markdown(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
+    yield "| " + " | ".join(headings) + " |"
+    yield "|" + "---|" * len(headings)
+    for row in rows:
+        yield "| " + " | ".join(text.replace("|", "/") for text in row) + " |"
+
+
+if __name__ == "__main__":
+    main()

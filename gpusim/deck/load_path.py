@@ -1,0 +1,76 @@
+"""The load path of a nonlinear deck: its steps as load steps of one analysis, one after the other.
+
+Everything that acts goes straight from one state to the next, so that a time between two of them is
+a mean of both: load factors are hat functions of time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from gpusim.arrays.array_types import Float
+from gpusim.deck.step import Step
+from gpusim.fem import LoadStep, Solution
+from gpusim.fem.procedures.nonlinear_static import path_work
+
+
+@dataclass(frozen=True, eq=False)
+class LoadPath:
+    """Of the ``steps`` of a deck, from no load at the time 0."""
+
+    steps: Sequence[Step]
+
+    @property
+    def states(self) -> list[Step]:
+        """What acts, in the order of time: load cases of a model."""
+        return [state for step in self.steps for state in (*step.path, step)]
+
+    @property
+    def factors(self) -> Float:
+        """(K,L) of the load cases, at each increment of all steps."""
+        wanted = np.concatenate([step.increments for step in self.steps])
+        times = np.array([0.0, *(state.time for state in self.states)])
+        hats = [np.interp(wanted, times, row) for row in np.eye(len(times))]
+        return np.stack(hats[1:], axis=-1)
+
+    def solutions(self, whole: Solution) -> tuple[Solution, ...]:
+        """That of each step, of the ``whole`` path; where that ends early the last displacements
+        found, without load steps."""
+        wanted = np.cumsum([one.wanted for one in whole.steps])
+        ends = np.cumsum([0, *(len(step.increments) for step in self.steps)])
+        # points on the way past a limit point belong to what they lead to
+        places = np.searchsorted(wanted, ends, side="left") + (ends > 0)
+        assert whole.model is not None
+        works = np.append(0.0, path_work(whole.model, whole.steps))
+        found = []
+        for (first, last), (begin, end) in zip(pairwise(places), pairwise(ends), strict=True):
+            own, last = whole.steps[first:last], min(last, len(whole.steps))
+            got = sum(one.wanted for one in own)
+            found.append(
+                _part(whole, whole.steps[last - 1], own, bool(got == end - begin), works[last])
+            )
+        return tuple(found)
+
+
+def _part(
+    whole: Solution, last: LoadStep, own: Sequence[LoadStep], complete: bool, work: float
+) -> Solution:
+    """A solution as far as it goes to ``last``, with load steps of its ``own``."""
+    every = [one for step in own for one in step.iterations]
+    return replace(
+        whole,
+        u=last.u,
+        reactions=last.reactions,
+        converged=complete,
+        message="converged" if complete else whole.message,
+        error_estimate=max((one.error_estimate for one in own), default=1.0),
+        iterations=sum(one.solver_iterations for one in every),
+        residuals=np.array([[one.residual] for one in last.iterations]),
+        strain_energy=np.array([work]),
+        external_work=np.array([work]),
+        steps=tuple(own),
+    )

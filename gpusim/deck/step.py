@@ -1,0 +1,55 @@
+"""What acts at the end of a step of a deck, and on the way there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gpusim.arrays.array_types import Bool, Float
+from gpusim.fem import Equations, FollowerPressure
+from gpusim.field_summary import field_summary
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """The state at the end of a step: everything that acts then, also from earlier steps.
+
+    ``number`` counts from 1, ``name`` is the deck's (or empty), ``time`` the end of the step in
+    total time. ``fixed`` (N,3) bool, ``prescribed`` and ``forces`` (N,3) float64 as in a
+    ``Model``; ``forces`` holds the equivalent forces of temperature too. ``temperature`` (N,) is
+    the change against the initial one, None where there is none. ``constraints`` are ties,
+    *EQUATION and supports in turned axes, as in a ``Model``.
+
+    In a nonlinear deck pressures are ``loads`` that follow the body, and neither they nor
+    temperature are part of ``forces``. Everything goes straight from one state to the next, those
+    of the ``path`` on the way to this one included; ``increments`` (K,) are the times of the load
+    steps that are solved for, the end of the step the last of them.
+
+    Examples
+    --------
+    >>> step = gs.load_deck("bricks.inp").steps[0]
+    >>> step.number, step.time, int(step.fixed.sum())
+    (1, 1.0, 12)
+    """
+
+    number: int
+    name: str
+    time: float
+    fixed: Bool
+    prescribed: Float
+    forces: Float
+    temperature: Float | None
+    constraints: tuple[Equations, ...]
+    loads: tuple[FollowerPressure, ...] = ()
+    path: tuple[Step, ...] = ()
+    increments: Float = field(default_factory=lambda: np.zeros(0))
+    __repr__ = field_summary
+
+    def forces_at(self, points: Float) -> Float:
+        """(N,3) nodal forces on the body whose nodes are at ``points`` (N,3)."""
+        return self.forces + sum((load.forces(points) for load in self.loads), np.zeros((1, 3)))
+
+    def held_as(self, other: Step) -> bool:
+        """Whether both hold the same degrees of freedom, by the same constraints."""
+        return np.array_equal(self.fixed, other.fixed) and self.constraints == other.constraints

@@ -1,0 +1,46 @@
+"""The benchmark of large displacements: its rows, and CalculiX's run."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.nonlinear.__main__ import _markdown
+from benchmarks.nonlinear.accuracy import HEADINGS, Row, measured
+from benchmarks.nonlinear.calculix import calculix
+from benchmarks.nonlinear.speed import bent_cantilever
+from gpusim.fem import solve
+from tests.support.nonlinear_cases import NonlinearCase, end_load
+
+
+def coarse(factor: float = 1.0) -> NonlinearCase:
+    case = end_load("hex8", (10, 1, 1), (1.0,))
+    return replace(case, factors=factor * case.factors)
+
+
+def test_a_row_says_what_was_measured() -> None:
+    row = dict(zip(HEADINGS, measured(Row("hex8 10x1x1", coarse, 0.05)), strict=True))
+    assert row["case"] == "elastica, end load" and row["unknowns"] == "120"
+    assert row["wanted"] == "5.0%" and 0.0 < float(row["error"].removesuffix("%")) < 5.0
+    value, reference = (np.array(row[k].split(), dtype=float) for k in ("value", "reference"))
+    assert np.abs(value / reference - 1.0).max() < 0.05
+
+
+def test_a_case_without_an_answer_has_its_row() -> None:
+    row = measured(Row("hex8 10x1x1", lambda: coarse(1e9), 0.02))
+    assert len(row) == len(HEADINGS) and "load step 1 of 1" in row[9]
+    assert len(list(_markdown(HEADINGS, [row]))) == 3
+
+
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX isn't installed")
+def test_calculix_bends_the_same_cantilever() -> None:
+    model = bent_cantilever((40, 2, 1))
+    other = calculix(model)
+    assert other is not None
+    u, processor, wall = other
+    own = solve(model, geometry="nonlinear").u
+    assert np.abs(u - own).max() <= 2e-3 * np.abs(own).max()
+    assert processor > 0.0 and wall > 0.0
