@@ -150,9 +150,7 @@ class Equation:
     @property
     def unknown(self) -> Bool:
         """(N,3) what is solved for."""
-        if self.elimination is None:
-            return self.free
-        return (self.free | self.elimination.loose) & ~self.elimination.given_up
+        return self.free if self.elimination is None else self.elimination.unknowns(self.free)
 
     def unbalanced(self, residual: Float) -> Float:
         """(N,3) residual forces on what is solved for."""

@@ -45,7 +45,7 @@ def reduced_system(
     known, only their sum."""
     rows = reduced_rows(assembled.rows, elimination)
     given_up, scale = elimination.given_up, system.scale
-    free = (system.free | elimination.loose) & ~given_up
+    free = elimination.unknowns(system.free)
     prescribed = np.where(given_up, elimination.offset, system.prescribed)
 
     sizes = replace(elimination, matrix=abs(elimination.matrix))

@@ -28,7 +28,7 @@ from gpusim.fem.elements.finite_strain import (
     pushed_forward,
     tensor,
 )
-from gpusim.fem.elements.isoparametric_map import determinant, inverse, times
+from gpusim.fem.elements.isoparametric_map import cross_matrices, determinant, inverse, times
 from gpusim.fem.elements.polar_rotation import polar_rotation
 from gpusim.fem.elements.strain import internal_force, point_stress
 
@@ -161,13 +161,7 @@ class Corotational(ElementResponse):
 
 def _skew(vectors: Float) -> Float:
     """(m,3k,3) matrices of the products with vectors (m,k,3), one below the other."""
-    count, nodes, _ = vectors.shape
-    return np.asarray((vectors.reshape(-1, 3) @ _CROSS).reshape(count, 3 * nodes, 3))
-
-
-_CROSS = np.array([[0.0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0],
-                   [0, -1, 0, 1, 0, 0, 0, 0, 0]])  # fmt: skip
-"""(3,9) of v: the matrix of v x w."""
+    return cross_matrices(vectors).reshape(len(vectors), -1, 3)
 
 
 def _balanced(frame: CellFrame, force: Float) -> tuple[Float, Float]:

@@ -128,6 +128,18 @@ class FaceElement:
     gradient: Float
     weight: Float
 
+    def tangents(self, points: Float, nodes: Int) -> Float:
+        """(F,Q,3,2) derivatives of position of faces with ``nodes`` (F,n) at ``points`` (N,3)."""
+        corners = points[nodes]
+        # relative to the first corner: large offsets don't cost digits
+        corners = corners - corners[:, :1]
+        return np.asarray(np.einsum("fki,qkj->fqij", corners, self.gradient))
+
+    def area_vectors(self, points: Float, nodes: Int) -> Float:
+        """(F,Q,3) outward, as large as the area that belongs to each point."""
+        tangent = self.tangents(points, nodes)
+        return np.cross(tangent[..., 0], tangent[..., 1]) * self.weight[:, None]
+
 
 _POINTS = {"tri3": 3, "tri6": 6, "quad4": 4, "quad8": 9, "quad9": 9}
 

@@ -54,6 +54,16 @@ def times(left: Float, right: Float) -> Float:
     return result
 
 
+def cross_matrices(vectors: Float) -> Float:
+    """(…,3,3) matrices of the products with ``vectors`` (…,3) from the left."""
+    return np.asarray((vectors.reshape(-1, 3) @ _CROSS).reshape(*vectors.shape, 3))
+
+
+_CROSS = np.array([[0.0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0],
+                   [0, -1, 0, 1, 0, 0, 0, 0, 0]])  # fmt: skip
+"""(3,9) of v: the matrix of v x w."""
+
+
 def add_to(total: Float, numbers: npt.NDArray[np.integer], values: Float) -> None:
     """Add ``values`` (M,k,c) to the rows ``numbers`` (M,k) of ``total`` (N,c), repeats included.
 

@@ -31,9 +31,6 @@ class LinearSolver(Protocol):
     def preconditioner(self) -> Preconditioner:
         """Nearly K^-1, of matrices that are near to K as well."""
 
-    def apply(self, r: Float) -> Float:
-        """(L,3N) nearly K^-1 r, symmetric and positive definite; zero where fixed."""
-
     def solve(self, system: System, options: Options) -> Outcome:
         """Displacements under the loads of the system, to the error that is asked for."""
 

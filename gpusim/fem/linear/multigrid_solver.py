@@ -52,10 +52,6 @@ class MultigridSolver:
         """One cycle."""
         return self.multigrid
 
-    def apply(self, r: Float) -> Float:
-        """Nearly K^-1 r for (L,3N) r; zero on fixed unknowns."""
-        return self.multigrid.apply(r)
-
     def update(self, assembled: Assembled, system: System, points: Float) -> None:
         """Levels of another matrix of the same pattern, with the same aggregates."""
         hierarchy = rebuilt(self.multigrid.hierarchy, assembled.rows, system, points)

@@ -76,8 +76,8 @@ class TangentSolver:
             if found[1] > _MANY:
                 self._taken = None
             return self._whole(*found, system, True)
-        solver = self._definite(tangent, forces, given)
-        steps = [minimum_residual(apply, solver.apply, one[None], forcing) for one in right]
+        definite = self._definite(tangent, forces, given).preconditioner
+        steps = [minimum_residual(apply, definite.apply, one[None], forcing) for one in right]
         x = np.concatenate([step for step, _ in steps])
         return self._whole(x, sum(count for _, count in steps), system, False)
 

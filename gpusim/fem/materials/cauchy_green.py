@@ -6,7 +6,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
-from gpusim.fem.materials.symmetric_tensors import ENGINEERING
+from gpusim.fem.materials.symmetric_tensors import ENGINEERING, cofactors, first_row_product
 
 _LARGEST = 1e6  # a thousand times as long
 
@@ -36,3 +36,13 @@ def tensor_components(strain: Float) -> Float:
             f"got a squared ratio of volumes down to {volume.min():.3g}; expected it above 0"
         )
     return E
+
+
+def growth_and_inverse(E2: Float) -> tuple[Float, Float]:
+    """det C - 1 (P,), without cancellation at small strain, and the components (6,P) of C^-1, of
+    C = ``E2`` + 1."""
+    C = E2.copy()
+    C[:3] += 1.0
+    minors = cofactors(E2)
+    growth = E2[:3].sum(axis=0) + minors[:3].sum(axis=0) + first_row_product(E2, minors)
+    return growth, cofactors(C) / (1.0 + growth)

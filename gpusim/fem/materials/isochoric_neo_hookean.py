@@ -8,14 +8,12 @@ from typing import ClassVar
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.fem.materials.cauchy_green import tensor_components
+from gpusim.fem.materials.cauchy_green import growth_and_inverse, tensor_components
 from gpusim.fem.materials.isotropic_constants import IsotropicConstants
 from gpusim.fem.materials.law import Update
 from gpusim.fem.materials.symmetric_tensors import (
     FULL,
-    cofactors,
     components_last,
-    first_row_product,
     sandwich_product,
     symmetric_part,
 )
@@ -51,13 +49,10 @@ class IsochoricNeoHookean(IsotropicConstants):
         """Stress and moduli at a Green-Lagrange strain (…,6); no state."""
         bulk = self.lame + 2.0 / 3.0 * self.shear
         E2 = 2.0 * tensor_components(strain)
-        C, deviator = E2.copy(), E2.copy()
-        C[:3] += 1.0
+        deviator = E2.copy()
         deviator[:3] -= E2[:3].mean(axis=0)
-        minors = cofactors(E2)
-        # det C - 1 and J - 1 without cancellation at small strain
-        growth = E2[:3].sum(axis=0) + minors[:3].sum(axis=0) + first_row_product(E2, minors)
-        inverse = cofactors(C) / (1.0 + growth)
+        growth, inverse = growth_and_inverse(E2)
+        # J - 1 is growth over 1 + J, without cancellation at small strain
         J = np.sqrt(1.0 + growth)
         shear, pull = self.shear * J ** (-2.0 / 3.0), bulk * J * growth / (1.0 + J)
         product = np.einsum("ijp,jkp->ikp", deviator[FULL], inverse[FULL])
@@ -65,7 +60,7 @@ class IsochoricNeoHookean(IsotropicConstants):
         stress = components_last(stress, strain.shape[:-1])
         if not moduli:
             return Update(stress, None, None)
-        trace = C[:3].sum(axis=0)
+        trace = (E2[:3] + 1.0).sum(axis=0)
         weighted = 2.0 * (shear * trace / 3.0 - pull) * inverse
         matrices = sandwich_product(weighted[None], inverse[None])
         # sym(a x C^-1) of what is left, with a = C^-1 and the unit tensor by their weights

@@ -8,14 +8,12 @@ from typing import ClassVar
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.fem.materials.cauchy_green import tensor_components
+from gpusim.fem.materials.cauchy_green import growth_and_inverse, tensor_components
 from gpusim.fem.materials.isotropic_constants import IsotropicConstants
 from gpusim.fem.materials.law import Update
 from gpusim.fem.materials.symmetric_tensors import (
     FULL,
-    cofactors,
     components_last,
-    first_row_product,
     sandwich_product,
     symmetric_part,
 )
@@ -49,13 +47,9 @@ class NeoHookean(IsotropicConstants):
     def update(self, strain: Float, state: Float | None, *, moduli: bool) -> Update:
         """Stress and moduli at a Green-Lagrange strain (…,6); no state."""
         E2 = 2.0 * tensor_components(strain)
-        C = E2.copy()
-        C[:3] += 1.0
-        minors = cofactors(E2)
-        # det C - 1 and 1 - 1/C without cancellation at small strain
-        growth = E2[:3].sum(axis=0) + minors[:3].sum(axis=0) + first_row_product(E2, minors)
-        inverse = cofactors(C) / (1.0 + growth)
+        growth, inverse = growth_and_inverse(E2)
         dilatation = 0.5 * self.lame * np.log1p(growth)
+        # 1 - 1/C without cancellation at small strain
         product = np.einsum("ijp,jkp->ikp", inverse[FULL], E2[FULL])
         stress = self.shear * symmetric_part(product) + dilatation * inverse
         stress = components_last(stress, strain.shape[:-1])

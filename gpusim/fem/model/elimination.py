@@ -51,6 +51,10 @@ class Elimination:
     offset: Float
     loose: Bool
 
+    def unknowns(self, free: Bool) -> Bool:
+        """(N,3) what is solved for, where ``free`` (N,3) are the unknowns that no support holds."""
+        return (free | self.loose) & ~self.given_up
+
     def displacements(self, v: Float) -> Float:
         """u (L,N,3) of v."""
         return np.asarray((self.matrix @ v.reshape(len(v), -1).T).T.reshape(v.shape))

@@ -9,6 +9,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.fem.elements.element import FaceElement, face_element, face_groups
+from gpusim.fem.elements.isoparametric_map import cross_matrices
 from gpusim.fem.materials.constants import constant
 from gpusim.field_summary import field_summary
 from gpusim.mesh import Faces
@@ -84,10 +85,8 @@ class PressedFaces:
 
     def forces(self, points: Float) -> Float:
         """(K,n,3): minus the pressure times the integral of shape function x area vector."""
-        element = self.element
-        tangent = self._tangents(points, np.arange(len(self.cells)))
-        normal = np.cross(tangent[..., 0], tangent[..., 1]) * element.weight[:, None]
-        return np.asarray(-self.value * np.matmul(element.shape.T, normal))
+        area = self.element.area_vectors(points, self.cells)
+        return np.asarray(-self.value * np.matmul(self.element.shape.T, area))
 
     def stiffness(self, which: Long, points: Float) -> Float:
         """(m,3n,3n): minus the derivative of the forces of some faces, its symmetric part.
@@ -96,26 +95,18 @@ class PressedFaces:
         v.
         """
         element = self.element
-        tangent = self._tangents(points, which)
+        tangent = element.tangents(points, self.cells[which])
         # (m,q,n,3,3): the change of the area vector by each node's motion
-        change = element.gradient[None, :, :, 1, None, None] * _cross(tangent[..., 0])[:, :, None]
-        change -= element.gradient[None, :, :, 0, None, None] * _cross(tangent[..., 1])[:, :, None]
+        change = (
+            element.gradient[None, :, :, 1, None, None]
+            * cross_matrices(tangent[..., 0])[:, :, None]
+        )
+        change -= (
+            element.gradient[None, :, :, 0, None, None]
+            * cross_matrices(tangent[..., 1])[:, :, None]
+        )
         share = element.shape * element.weight[:, None]
         matrix = self.value * np.einsum("qa,mqbij->maibj", share, change, optimize=True)
         width = 3 * self.cells.shape[1]
         matrix = matrix.reshape(len(which), width, width)
         return np.asarray(0.5 * (matrix + matrix.transpose(0, 2, 1)))
-
-    def _tangents(self, points: Float, which: Long) -> Float:
-        """(m,q,3,2) derivatives of position."""
-        corners = points[self.cells[which]]
-        corners = corners - corners[:, :1]
-        return np.asarray(np.einsum("fki,qkj->fqij", corners, self.element.gradient))
-
-
-def _cross(vector: Float) -> Float:
-    """(…,3,3) matrices of the product with vectors (…,3) from the left."""
-    matrix = np.zeros((*vector.shape, 3))
-    x, y, z = np.moveaxis(vector, -1, 0)
-    matrix[..., 0, 1], matrix[..., 0, 2], matrix[..., 1, 2] = -z, y, -x
-    return np.asarray(matrix - np.swapaxes(matrix, -1, -2))

@@ -220,12 +220,7 @@ def _integrate(mesh: Mesh, faces: Faces, density: Callable[[Float], Float]) -> F
     require(len(faces) > 0, "face load: no faces", "an empty selection", "at least one face")
     forces = np.zeros((mesh.node_count, 3))
     for element, _, nodes in face_groups(faces):
-        corners = mesh.points[nodes]
-        # relative to the first corner: large offsets don't cost digits
-        corners = corners - corners[:, :1]
-        tangent = np.einsum("fki,qkj->fqij", corners, element.gradient)
-        normal = np.cross(tangent[..., 0], tangent[..., 1]) * element.weight[:, None]
-        share = np.matmul(element.shape.T, density(normal))
+        share = np.matmul(element.shape.T, density(element.area_vectors(mesh.points, nodes)))
         add_to(forces, nodes, share)
     return forces
 

@@ -37,7 +37,7 @@ def higher_orders(model: Model, u: Float, factors: Float, formulation: str) -> F
     def residual(moved: Float, part: float) -> Float:
         acting = equation.external(moved, part * factors)
         inner = equation.internal(moved, part * factors)
-        return np.where(equation.free, acting - inner, 0.0)
+        return equation.unbalanced(acting - inner)
 
     def odd(second: Float, part: float) -> Float:
         """Over the share, of the displacements to second order."""
