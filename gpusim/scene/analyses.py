@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from gpusim.errors import InputError
 from gpusim.scene.amplitudes import load_groups
 from gpusim.scene.description.processing import ANALYSIS_TYPES, AnalysisType
+from gpusim.scene.faults import schema_places
 
 if TYPE_CHECKING:
     from gpusim.scene.scene import Scene
@@ -49,6 +50,7 @@ def add_analysis(name: str, kind: AnalysisKind) -> None:
     if name in ANALYSES:
         raise InputError(f"kind of analysis: type; got {name!r} twice; expected a new one")
     ANALYSES[name], ANALYSIS_TYPES[name] = kind, kind.type
+    schema_places.cached_schema.cache_clear()
 
 
 def kind_of(scene: Scene) -> AnalysisKind:

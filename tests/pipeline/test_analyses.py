@@ -19,6 +19,7 @@ from gpusim.plan.plan import make_plan
 from gpusim.scene import json_schema
 from gpusim.scene.analyses import ANALYSES, add_analysis
 from gpusim.scene.description.processing import ANALYSIS_TYPES
+from gpusim.scene.faults import schema_places
 from gpusim.scene.frames import frame_table
 from gpusim.view.content.loading import load_content
 from tests.support.small_scene import DOCUMENT, small_scene
@@ -41,6 +42,7 @@ def registered() -> Iterator[None]:
         add_analysis("swing", ANALYSES["static"])
     yield
     del ANALYSES["swing"], ANALYSIS_TYPES["swing"]
+    schema_places.cached_schema.cache_clear()
 
 
 @pytest.fixture(scope="module")
