@@ -18,7 +18,7 @@ from gpusim.fem.materials.law import Law
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.solution import LoadStep, Solution
 from gpusim.fem.procedures.load_steps import load_steps
-from gpusim.fem.procedures.newton import Controls
+from gpusim.fem.procedures.newton import Controls, Steps
 from gpusim.fem.recovery.cauchy_stress import cauchy_stress
 
 # relative accuracy of linear solutions where all laws are elastic, and where points flow
@@ -40,7 +40,8 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
     history = any(isinstance(law, Law) and law.state_size for law in model.materials)
     forcing = _PLASTIC_FORCING if history else _FORCING
     # loads that follow have a symmetric stiffness in part only, which tells nothing of stability
-    controls = Controls(options.tolerance, forcing, not history, not model.loads, options.progress)
+    first = Steps.SEARCHED if history else Steps.FORETOLD
+    controls = Controls(options.tolerance, forcing, first, not model.loads, options.progress)
     steps: list[LoadStep] = []
     message = "converged"
     try:
