@@ -142,7 +142,7 @@ class ElementResponse(ABC):
         the nodes leave out: the forces on internal modes, which condensation has moved there."""
         return 0.0
 
-    def shorten(self, share: float) -> None:
+    def shorten(self, share: float) -> None:  # noqa: B027  most have no internal modes
         """Of the last step only this share is made: internal modes go back."""
 
     @abstractmethod

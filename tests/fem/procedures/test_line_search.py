@@ -71,7 +71,7 @@ def test_a_step_too_long_is_shortened() -> None:
     equation = equation_of(waisted(), "incompatible")
     at_rest = np.zeros_like(equation.model.mesh.points)
     tangent = equation.linearised(at_rest, np.ones(1))
-    du = np.where(equation.free, tangent.u + [1.0, 0.0, 0.0], 0.0)
+    du = np.where(equation.free, np.array([1.0, 0.0, 0.0]), 0.0)
     far = line_search(equation, tangent, 1e-9 * du)
     assert np.array_equal(far.u, 1e-9 * du)  # promises nothing: no load acts on what is free
     tangent.residual[:] = 1e-3 * du
