@@ -46,7 +46,8 @@ class Equilibrium:
 class Controls:
     """``tolerance`` of the displacements in equilibrium, relative; ``forcing``: that of each linear
     solution; ``foretell``: first with foretold stresses; ``stable``: an equilibrium whose tangent
-    is indefinite is none; ``progress`` is called with (iterations, estimated error)."""
+    is symmetric, but indefinite, is none; ``progress`` is called with (iterations, estimated
+    error)."""
 
     tolerance: float
     forcing: float
@@ -112,7 +113,8 @@ def _iterated(
         if controls.progress is not None:
             controls.progress(len(done), error)
         if error <= controls.tolerance or step <= _ROUNDING * size:
-            if controls.stable and not found.definite:
+            # a skew part may keep stable what the symmetric one alone wouldn't
+            if controls.stable and not found.definite and tangent.skew is None:
                 raise NotConverged("got an equilibrium that isn't stable; expected a stable one")
             return Equilibrium(u, tuple(done))
     raise NotConverged(
