@@ -14,11 +14,15 @@ from gpusim.fem.assembly.equation import Equation, Tangent
 from gpusim.fem.assembly.reduced_system import reduced_system
 from gpusim.fem.assembly.system import System, finest_product, scaled_system
 from gpusim.fem.elements.element_response import Want
+from gpusim.fem.krylov.cg import Preconditioner
+from gpusim.fem.krylov.gmres import gmres
 from gpusim.fem.krylov.minimum_residual import minimum_residual
 from gpusim.fem.krylov.truncated_cg import truncated_cg
 from gpusim.fem.linear.direct_solver import DirectSolver
 from gpusim.fem.linear.multigrid_solver import MultigridSolver
 from gpusim.fem.linear.solve_plan import Options, SolvePlan, plan_solve
+
+Apply = Callable[[Float], Float]
 
 # share of the motion below which a step leaves factors and levels as they are
 _NEAR = 0.01
@@ -29,7 +33,7 @@ _MANY = 20
 @dataclass(frozen=True, eq=False)
 class Correction:
     """``du`` (L,N,3), prescribed displacements included, after so many ``iterations``;
-    ``definite``: the tangent was positive definite."""
+    ``definite``: the tangent's symmetric part was positive definite."""
 
     du: Float
     iterations: int
@@ -42,7 +46,7 @@ class TangentSolver:
     Factors or levels are made anew after steps that are more than a hundredth of the motion. Where
     a tangent is indefinite the preconditioner is made of its material part, which isn't, and
     minimum residuals take over from conjugate gradients (Paige & Saunders, SIAM J. Numer. Anal. 12
-    (1975) 617).
+    (1975) 617). One with a skew part is solved by generalised ones, preconditioned alike.
     """
 
     def __init__(self, equation: Equation, options: Options) -> None:
@@ -66,20 +70,24 @@ class TangentSolver:
         if not system.right.any():
             return self._whole(np.zeros_like(system.right), 0, system, True)
         right = system.right.reshape(len(system.right), -1)
-        apply, found = _product(assembled, system), None
+        apply, found = _product(tangent, assembled, system), None
         if self._indefinite is not tangent:
             if self._taken is None or not _near(tangent.u, self._taken):
                 self._take(tangent, assembled, system)
             if self._taken is not None and self._solver is not None:
-                found = truncated_cg(apply, self._solver.preconditioner, right, forcing)
+                near = self._solver.preconditioner
+                if tangent.skew is None:
+                    found = truncated_cg(apply, near, right, forcing)
+                else:
+                    found = _one_by_one(gmres, apply, near, right, forcing)
         if found is not None:
             if found[1] > _MANY:
                 self._taken = None
             return self._whole(*found, system, True)
         definite = self._definite(tangent, forces, given).preconditioner
-        steps = [minimum_residual(apply, definite.apply, one[None], forcing) for one in right]
-        x = np.concatenate([step for step, _ in steps])
-        return self._whole(x, sum(count for _, count in steps), system, False)
+        minimise = minimum_residual if tangent.skew is None else gmres
+        found = _one_by_one(minimise, apply, definite, right, forcing)
+        return self._whole(*found, system, False)
 
     def _system(self, tangent: Tangent, forces: Float, given: Float) -> tuple[Assembled, System]:
         """What is solved, less what constraints give up."""
@@ -135,10 +143,26 @@ class TangentSolver:
         return Correction(whole, iterations, definite)
 
 
-def _product(assembled: Assembled, system: System) -> Callable[[Float], Float]:
+def _product(tangent: Tangent, assembled: Assembled, system: System) -> Apply:
     """x (L,n) -> K x on the free unknowns."""
     product, free = finest_product(assembled.rows, system), system.free.ravel()
-    return lambda x: np.where(free, product(x), 0.0)
+    if tangent.skew is None:
+        return lambda x: np.where(free, product(x), 0.0)
+    # the transpose of a row times a matrix; minus: that of a skew one
+    skew = tangent.skew / -system.scale
+    return lambda x: np.where(free, product(x) + x @ skew, 0.0)
+
+
+def _one_by_one(
+    minimise: Callable[[Apply, Apply, Float, float], tuple[Float, int]],
+    apply: Apply,
+    preconditioner: Preconditioner,
+    right: Float,
+    forcing: float,
+) -> tuple[Float, int]:
+    """Each right-hand side of (L,n) by itself, and the iterations of all."""
+    found = [minimise(apply, preconditioner.apply, one[None], forcing) for one in right]
+    return np.concatenate([x for x, _ in found]), sum(count for _, count in found)
 
 
 def _near(u: Float, taken: Float) -> bool:

@@ -55,7 +55,8 @@ class Steps(Enum):
 class Controls:
     """``tolerance`` of the displacements in equilibrium, relative; ``forcing``: that of each linear
     solution; which ``steps`` are tried first; ``stable``: an equilibrium whose tangent is
-    indefinite is none; ``progress`` is called with (iterations, estimated error)."""
+    symmetric, but indefinite, is none; ``progress`` is called with (iterations, estimated
+    error)."""
 
     tolerance: float
     forcing: float
@@ -115,7 +116,8 @@ def _iterated(
         if controls.progress is not None:
             controls.progress(len(done), error)
         if error <= controls.tolerance or step <= _ROUNDING * size:
-            if controls.stable and not found.definite:
+            # a skew part may keep stable what the symmetric one alone wouldn't
+            if controls.stable and not found.definite and tangent.skew is None:
                 raise NotConverged("got an equilibrium that isn't stable; expected a stable one")
             return Equilibrium(u, tuple(done))
         if len(done) == most:

@@ -39,9 +39,8 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
     solver = TangentSolver(equation, options)
     history = any(isinstance(law, Law) and law.state_size for law in model.materials)
     forcing = _PLASTIC_FORCING if history else _FORCING
-    # loads that follow have a symmetric stiffness in part only, which tells nothing of stability
     first = Steps.SEARCHED if history else Steps.FORETOLD
-    controls = Controls(options.tolerance, forcing, first, not model.loads, options.progress)
+    controls = Controls(options.tolerance, forcing, first, True, options.progress)
     steps: list[LoadStep] = []
     message = "converged"
     try:
@@ -69,7 +68,7 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
         external_work=np.array([work]),
         unknowns=int(equation.unknown.sum()),
         message=message,
-        warnings=(*_strain_warning(equation, last.u), *_stability_warning(controls, steps)),
+        warnings=(*_strain_warning(equation, last.u), *_stability_warnings(equation, steps)),
         timings=options.clock.timings,
         method="newton",
         backend="numpy",
@@ -82,16 +81,27 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
     )
 
 
-def _stability_warning(controls: Controls, steps: list[LoadStep]) -> tuple[str, ...]:
-    """Wanted steps that end where a body wouldn't stay."""
-    wanted = [step for step in steps if step.wanted]
-    loose = [n for n, step in enumerate(wanted, 1) if not step.iterations[-1].definite]
-    if not loose or not controls.stable:
-        return ()
-    return (
-        f"{len(loose)} load steps, first number {loose[0]}, end in an equilibrium that isn't "
-        "stable: the body would buckle (a small imperfection of mesh or load shows where to)",
+def _stability_warnings(equation: Equation, steps: list[LoadStep]) -> list[str]:
+    """Wanted steps that end where a body wouldn't stay, or perhaps wouldn't: what is stable has a
+    tangent that is positive definite, and one whose symmetric part is doesn't buckle either."""
+    wanted = enumerate((step for step in steps if step.wanted), 1)
+    loose = [(number, step) for number, step in wanted if not step.iterations[-1].definite]
+    skew = [
+        number
+        for number, step in loose
+        if equation.skew_stiffness(step.u, step.factors) is not None
+    ]
+    unstable = [number for number, _ in loose if number not in skew]
+    said = (
+        (unstable, "isn't stable: the body would buckle"),
+        (skew, "may not be stable: loads that follow have no potential there"),
     )
+    return [
+        f"{len(numbers)} load steps, first number {numbers[0]}, end in an equilibrium that {what} "
+        "(a small imperfection of mesh or load shows where to)"
+        for numbers, what in said
+        if numbers
+    ]
 
 
 def _strain_warning(equation: Equation, u: Float) -> tuple[str, ...]:

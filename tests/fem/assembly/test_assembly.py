@@ -92,7 +92,7 @@ def test_unequal_elements_add_up_as_in_a_plain_sum(kind: str) -> None:
 def test_only_the_rows_of_some_nodes() -> None:
     mesh = irregular("wedge15")
     groups = model_groups(Model(mesh, [WOOD]), RULE)
-    edges = NodeGraph(groups, mesh.node_count)
+    edges = NodeGraph([one.cells for one in groups], mesh.node_count)
     every = edges.blocks(groups, None)
     nodes = np.array([17, 3, 80])
     wanted = [every[edges.start[k] : edges.start[k + 1]] for k in nodes]
@@ -119,13 +119,14 @@ def test_a_pattern_is_filled_again_as_if_it_were_new() -> None:
     mesh = box((1.3, 0.9, 0.7), (15, 13, 11))
     mesh = mesh.moved(0.004 * np.random.default_rng(3).normal(size=mesh.points.shape))
     groups = model_groups(Model(mesh, [WOOD]), RULE)
-    pattern = NodeGraph(groups, mesh.node_count)
+    pattern = NodeGraph([one.cells for one in groups], mesh.node_count)
     first = pattern.fill(groups)
     before = first.table.copy()
     (group,) = groups
     assert isinstance(group, DistinctGroup)
     softened = Softened(group, np.random.default_rng(1).uniform(0.1, 1.0, len(group.cells)))
-    again, fresh = pattern.fill([softened]), NodeGraph([softened], mesh.node_count).fill([softened])
+    fresh = NodeGraph([softened.cells], mesh.node_count).fill([softened])
+    again = pattern.fill([softened])
     for one, other in (
         (again, fresh),
         (pattern.fill(groups), assemble_groups(groups, mesh.node_count)),
