@@ -28,12 +28,12 @@ Float = npt.NDArray[np.float64]
 Reference = tuple[int, list[float], list[float]]
 
 # CalculiX' C3D8I has other modes; its plasticity takes its flow from elastic stretches, which are
-# some per mille; a warm body of the same modulus is softer by the strain of heat.
+# some per mille; its heat doesn't turn with the material.
 TOLERANCES = {
     "tip_c3d8i": (1e-2, 4e-2),
     "hole_c3d8": (2e-3, 3e-3),
     "cyclic_c3d8": (2e-3, 5e-3),
-    "warm_c3d20r": (1e-3, 1e-3),
+    "warm_c3d20r": (3e-4, 2e-4),
 }
 """Of displacements and stresses, relative to the greatest one; others: 1e-5 or less."""
 SAME = (1e-6, 2e-6)

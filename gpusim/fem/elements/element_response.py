@@ -37,8 +37,8 @@ class ElementBlock:
     name, formulation : a key of ``ELEMENTS`` and one of its formulations.
     points : (N,3) reference positions of all nodes; ``cells`` (M,k) their numbers.
     free_strain : (M,Q,6) strain that causes no stress, engineering shear, along global axes at
-        rest, so that it turns with the material; None: none. At finite strain it is subtracted
-        from the Green-Lagrange strain: a stretch 1 + e of heat is e + e^2/2.
+        rest, so that it turns with the material; None: none. At finite strain it is the stretch
+        of a free body, less one.
     numbers : (M,) of the mesh's cells; None where they are no mesh's.
 
     Raises InputError for cells inverted at a quadrature point.

@@ -37,6 +37,7 @@ from gpusim.fem.elements.finite_strain import (
     volume_change,
 )
 from gpusim.fem.elements.isoparametric_map import determinant, inverse, reference_gradient, times
+from gpusim.fem.elements.thermal_stretch import ThermalStretch
 from gpusim.fem.materials.law import Update
 
 
@@ -138,10 +139,13 @@ class TotalLagrangian(ElementResponse):
         return self._slope(motion.geometry, step)
 
     def _law(self, which: Long, strain: Float, moduli: bool) -> Update:
-        if self._free_strain is not None:
-            strain = strain - self._free_strain[which]
         state = None if self._state is None else self._state[which]
-        update = self.law.update(strain, state, moduli=moduli)
+        if self._free_strain is None:
+            update = self.law.update(strain, state, moduli=moduli)
+        else:
+            heat = ThermalStretch(self._free_strain[which])
+            require_upright(f"{self.name}, free to expand", heat.volume)
+            update = heat.update(self.law, strain, state, moduli=moduli)
         if not np.isfinite(update.stress).all():
             raise NotConverged(
                 f"{type(self.law).__name__}: got a stress that isn't finite, of strains up to "

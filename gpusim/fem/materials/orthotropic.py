@@ -12,7 +12,7 @@ from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.fem.materials.constants import FROM_ZERO, constant
 from gpusim.fem.materials.linear_elasticity import LinearElasticity
-from gpusim.fem.materials.symmetric_tensors import strain_rotation
+from gpusim.fem.materials.symmetric_tensors import strain_congruence
 from gpusim.validation import real_numbers, require
 
 Triple = tuple[float, float, float]
@@ -78,7 +78,7 @@ class Orthotropic(LinearElasticity):
         in_axes = np.zeros((6, 6))
         in_axes[:3, :3] = np.linalg.inv(compliance[:3, :3])
         in_axes[np.arange(3, 6), np.arange(3, 6)] = self.G
-        turn = strain_rotation(np.array(self.axes))
+        turn = strain_congruence(np.array(self.axes))
         matrix = turn.T @ in_axes @ turn
         return np.asarray(0.5 * (matrix + matrix.T))
 
