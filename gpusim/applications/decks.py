@@ -200,8 +200,8 @@ def _write_solutions(
             mean = np.concatenate([points.mean(axis=1) for points in stress.values()])
             of_cell |= {"stress": mean, "von_mises": von_mises(mean)}
             recovered = solution.steps[-1].stress if solution.steps else None
-            if recovered is not None and recovered.nodal_plastic_strain is not None:
-                fields["plastic_strain"] = recovered.nodal_plastic_strain
+            if recovered is not None:
+                fields |= recovered.nodal_results
         write_vtu(
             inside(folder, name),
             deck.mesh.points,

@@ -15,7 +15,6 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.deck.step import Step
 from gpusim.fem import LoadStep, Solution
-from gpusim.fem.procedures.nonlinear_static import path_work
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,21 +43,15 @@ class LoadPath:
         ends = np.cumsum([0, *(len(step.increments) for step in self.steps)])
         # points on the way past a limit point belong to what they lead to
         places = np.searchsorted(wanted, ends, side="left") + (ends > 0)
-        assert whole.model is not None
-        works = np.append(0.0, path_work(whole.model, whole.steps))
         found = []
         for (first, last), (begin, end) in zip(pairwise(places), pairwise(ends), strict=True):
             own, last = whole.steps[first:last], min(last, len(whole.steps))
             got = sum(one.wanted for one in own)
-            found.append(
-                _part(whole, whole.steps[last - 1], own, bool(got == end - begin), works[last])
-            )
+            found.append(_part(whole, whole.steps[last - 1], own, bool(got == end - begin)))
         return tuple(found)
 
 
-def _part(
-    whole: Solution, last: LoadStep, own: Sequence[LoadStep], complete: bool, work: float
-) -> Solution:
+def _part(whole: Solution, last: LoadStep, own: Sequence[LoadStep], complete: bool) -> Solution:
     """A solution as far as it goes to ``last``, with load steps of its ``own``."""
     every = [one for step in own for one in step.iterations]
     return replace(
@@ -70,7 +63,7 @@ def _part(
         error_estimate=max((one.error_estimate for one in own), default=1.0),
         iterations=sum(one.solver_iterations for one in every),
         residuals=np.array([[one.residual] for one in last.iterations]),
-        strain_energy=np.array([work]),
-        external_work=np.array([work]),
+        strain_energy=np.array([last.strain_energy]),
+        external_work=np.array([last.external_work]),
         steps=tuple(own),
     )

@@ -112,11 +112,12 @@ class Corotational(ElementResponse):
         frame, block = self._frame(which, u), self.block
         stress, volume = self._point_stress(which, frame.strained)
         strain = stress @ np.linalg.inv(block.law.stiffness())
+        results = {"energy": 0.5 * (stress * strain).sum(axis=2)}
         if self._free_strain is not None:
             strain += self._free_strain[which]
         strain = green_lagrange(tensor(strain * [1.0, 1.0, 1.0, 0.5, 0.5, 0.5]))
         rotation = frame.rotation.transpose(1, 2, 0)[..., None]
-        return PointValues(pushed_forward(rotation, stress), stress, strain, volume)
+        return PointValues(pushed_forward(rotation, stress), stress, strain, volume, results)
 
     def _point_stress(self, which: Long, strained: Float) -> tuple[Float, Float]:
         """Stress (m,Q,6) in the cell's frame and volume (m,Q)."""

@@ -8,6 +8,7 @@ points) is part of a load step and is set back with it.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, auto
 
@@ -100,12 +101,15 @@ class PointValues:
     cauchy, piola : (m,Q,6) Cauchy stress in global axes, second Piola-Kirchhoff stress.
     strain : (m,Q,6) Green-Lagrange strain, engineering shear, free strain included.
     volume : (m,Q) volume in the reference configuration.
+    results : (m,Q,…) what the law tells by name; "energy" is what is stored per such volume, NaN
+        where the law doesn't say it.
     """
 
     cauchy: Float
     piola: Float
     strain: Float
     volume: Float
+    results: Mapping[str, Float]
 
 
 class ElementResponse(ABC):

@@ -43,3 +43,8 @@ class Hencky(IsotropicConstants):
         elastic = self.stiffness()
         stress = (elastic * ENGINEERING) @ logarithmic.components
         return Update(*logarithmic.pulled_back(stress, elastic if moduli else None), None)
+
+    def results(self, strain: Float, state: Float | None) -> dict[str, Float]:
+        """The energy (…)."""
+        energy = self.quadratic_energy(LogarithmicStrain(strain).components)
+        return {"energy": energy.reshape(strain.shape[:-1])}

@@ -70,3 +70,12 @@ class IsochoricNeoHookean(IsotropicConstants):
         outer = left[:, :, None] * inverse[:, None]
         matrices += outer + outer.swapaxes(1, 2)
         return Update(stress, matrices.reshape(*strain.shape, 6), None)
+
+    def results(self, strain: Float, state: Float | None) -> dict[str, Float]:
+        """The energy (…)."""
+        E2 = 2.0 * tensor_components(strain)
+        J = np.sqrt(1.0 + growth_and_inverse(E2)[0])
+        distortion = (3.0 + E2[:3].sum(axis=0)) * J ** (-2.0 / 3.0) - 3.0
+        bulk = self.lame + 2.0 / 3.0 * self.shear
+        energy = 0.5 * (self.shear * distortion + bulk * (J - 1.0) ** 2)
+        return {"energy": energy.reshape(strain.shape[:-1])}

@@ -8,6 +8,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.fem.materials.constants import ANY, FROM_ZERO, POISSON, POSITIVE, constant
+from gpusim.fem.materials.symmetric_tensors import ENGINEERING
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,11 @@ class IsotropicConstants:
         matrix[np.arange(3), np.arange(3)] += 2.0 * self.shear
         matrix[np.arange(3, 6), np.arange(3, 6)] = self.shear
         return matrix
+
+    def quadratic_energy(self, components: Float) -> Float:
+        """(P,) half of stress times strain, of tensors (6,P)."""
+        stress = (self.stiffness() * ENGINEERING) @ components
+        return np.asarray(0.5 * ENGINEERING @ (stress * components))
 
     def expansion_strain(self) -> Float:
         """(6,) free strain per unit of temperature change: ``expansion`` in xx, yy, zz."""

@@ -60,3 +60,10 @@ class NeoHookean(IsotropicConstants):
         inverse = components_last(inverse, (-1,))
         matrices += self.lame * inverse[:, :, None] * inverse[:, None]
         return Update(stress, matrices.reshape(*strain.shape, 6), None)
+
+    def results(self, strain: Float, state: Float | None) -> dict[str, Float]:
+        """The energy (…)."""
+        E2 = 2.0 * tensor_components(strain)
+        logarithm = 0.5 * np.log1p(growth_and_inverse(E2)[0])
+        energy = self.shear * (0.5 * E2[:3].sum(axis=0) - logarithm)
+        return {"energy": (energy + 0.5 * self.lame * logarithm**2).reshape(strain.shape[:-1])}

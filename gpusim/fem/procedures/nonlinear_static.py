@@ -54,8 +54,9 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
             raise
         message = str(error)
     options.clock.mark("load steps")
+    works = path_work(model, steps).tolist()
+    steps = [replace(step, external_work=work) for step, work in zip(steps, works, strict=True)]
     last, every = steps[-1], [one for step in steps for one in step.iterations]
-    work = float(path_work(model, steps)[-1])
     reasons = () if solver.plan is None else solver.plan.lines
     return Solution(
         u=last.u,
@@ -64,8 +65,8 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
         iterations=sum(one.solver_iterations for one in every),
         residuals=np.array([[one.residual] for one in last.iterations]),
         reactions=last.reactions,
-        strain_energy=np.array([work]),
-        external_work=np.array([work]),
+        strain_energy=np.array([last.strain_energy]),
+        external_work=np.array([last.external_work]),
         unknowns=int(equation.unknown.sum()),
         message=message,
         warnings=(*_strain_warning(equation, last.u), *_stability_warning(controls, steps)),

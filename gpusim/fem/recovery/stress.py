@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from types import MappingProxyType
 
@@ -45,7 +45,11 @@ class Stress:
         no cell.
     cell : (M,6) volume mean of each cell, cells in the mesh's order.
     volume, energy : (M,) of each cell; energy is that of the stress, s.C^-1.s/2.
-    plastic_strains : (P,) accumulated plastic strain likewise; None without plasticity.
+    results : more (P,…) like ``values`` by name, at large displacements: "piola_stress" second
+        Piola-Kirchhoff stress, "green_lagrange_strain" as tensor components, "energy" that is
+        stored per volume at rest (NaN where a law doesn't tell it), "plastic_strain" accumulated;
+        and what a user's own law tells (`gpusim.fem.Law`).
+    strain_energy : what is stored in the whole body then; NaN where that isn't known.
     error : (M,) energy norm of the difference between the averaged and the cell's own stress,
         the indicator of Zienkiewicz & Zhu, IJNME 24 (1987) 337: sqrt of the integral of
         (s* - s).C^-1.(s* - s).
@@ -69,7 +73,8 @@ class Stress:
     volume: Float
     energy: Float
     error: Float
-    plastic_strains: Float | None = None
+    results: Mapping[str, Float] = field(default_factory=dict)
+    strain_energy: float = np.nan
     __repr__ = field_summary
 
     @cached_property
@@ -80,9 +85,14 @@ class Stress:
         return result
 
     @cached_property
+    def nodal_results(self) -> dict[str, Float]:
+        """(N,…) of ``results``, by name, where ``nodal`` is."""
+        return {name: self._telling(values) for name, values in self.results.items()}
+
+    @property
     def nodal_plastic_strain(self) -> Float | None:
         """(N,) accumulated plastic strain where ``nodal`` is; None without plasticity."""
-        return None if self.plastic_strains is None else self._telling(self.plastic_strains)
+        return self.nodal_results.get("plastic_strain")
 
     def _telling(self, values: Float) -> Float:
         """(N,…) of values (P,…) those where the von Mises stress of a node is greatest."""
@@ -193,7 +203,7 @@ def stress(
     require(isinstance(model, Model), "stress: model", type(model).__name__, "a Model")
     shape = model.mesh.points.shape
     expected = f"{shape} finite numbers, the displacements of one load case"
-    field = finite_numbers(u, "stress: u", [shape], expected)
+    own = finite_numbers(u, "stress: u", [shape], expected)
     if temperature is None and model.temperature is not None:
         cases = len(model.temperature)
         require(cases == 1, "stress: temperature", f"None, {cases} load cases", "that of u's case")
@@ -201,7 +211,7 @@ def stress(
     change = None if temperature is None else linear_temperature("stress", model.mesh, temperature)
     # the work is shared out above BLAS
     with one_blas_thread():
-        return Recovery(model, field, resolve_formulation(model, formulation), change).run()
+        return Recovery(model, own, resolve_formulation(model, formulation), change).run()
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,7 +264,8 @@ class Recovery:
             material_of=self.material_of,
             values=total,
             strains=self._strains(total),
-            plastic_strains=self._plastic_strains(),
+            results=self._results(),
+            strain_energy=self._strain_energy(),
             nodal=self._nodal(total),
             cell=self.cell,
             volume=self.volume,
@@ -334,8 +345,11 @@ class Recovery:
             strain += self.change[self.node_of, None] * self.expansion[self.material_of]
         return strain
 
-    def _plastic_strains(self) -> Float | None:
-        return None
+    def _results(self) -> dict[str, Float]:
+        return {}
+
+    def _strain_energy(self) -> float:
+        return np.nan
 
     def _nodal(self, values: Float) -> Float:
         """Of each node's values the one with the greatest von Mises stress."""

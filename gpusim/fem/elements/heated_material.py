@@ -13,29 +13,35 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.fem.elements.finite_strain import IDENTITY, green_lagrange, tensor, volume_change
 from gpusim.fem.elements.isoparametric_map import inverse
-from gpusim.fem.materials.law import Law, Update
+from gpusim.fem.materials.law import Law, Update, results_of
 from gpusim.fem.materials.symmetric_tensors import ENGINEERING, strain_congruence
 
 
-class ThermalStretch:
-    """U = 1 + ``free_strain`` at points of elements: (M,Q,6), engineering shear.
-
-    ``volume`` (M,Q) is det U.
+class HeatedMaterial:
+    """``law`` at points of elements. ``free_strain`` (M,Q,6) with engineering shear is U less one,
+    ``volume`` (M,Q) det U.
     """
 
-    def __init__(self, free_strain: Float) -> None:
+    def __init__(self, law: Law, free_strain: Float) -> None:
         slope = tensor(free_strain / ENGINEERING)
-        self.volume = 1.0 + volume_change(slope)
+        self.law, self.volume = law, 1.0 + volume_change(slope)
         self._strain = green_lagrange(slope)
         back = inverse(slope + IDENTITY, self.volume)
         self._pull = strain_congruence(back.transpose(2, 3, 0, 1))
 
-    def update(self, law: Law, strain: Float, state: Float | None, *, moduli: bool) -> Update:
+    def update(self, strain: Float, state: Float | None, *, moduli: bool) -> Update:
         """As the law's own, of the strain (M,Q,6) and per volume at rest."""
-        elastic = np.matmul(self._pull, (strain - self._strain)[..., None])[..., 0]
-        update = law.update(elastic, state, moduli=moduli)
+        update = self.law.update(self._elastic(strain), state, moduli=moduli)
         push = self._pull.swapaxes(2, 3) * self.volume[..., None, None]
         stress = np.matmul(push, update.stress[..., None])[..., 0]
         if update.moduli is None:
             return Update(stress, None, update.state)
         return Update(stress, np.matmul(np.matmul(push, update.moduli), self._pull), update.state)
+
+    def results(self, strain: Float, state: Float | None) -> dict[str, Float]:
+        """As the law's own, energy per volume at rest."""
+        results = results_of(self.law, self._elastic(strain), state)
+        return results | {"energy": results["energy"] * self.volume}
+
+    def _elastic(self, strain: Float) -> Float:
+        return np.asarray(np.matmul(self._pull, (strain - self._strain)[..., None])[..., 0])

@@ -9,7 +9,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import NotConverged
 from gpusim.fem.elements.element_response import ElementBlock
-from gpusim.fem.elements.thermal_stretch import ThermalStretch
+from gpusim.fem.elements.heated_material import HeatedMaterial
 from gpusim.fem.elements.total_lagrangian import TotalLagrangian
 from tests.support.element_responses import ROTATION, single, tensors
 
@@ -40,7 +40,7 @@ def cauchy(gradient: Float, stress: Float) -> Float:
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
 def test_stress_and_history_are_those_of_the_body_that_has_expanded(law: gs.fem.Law) -> None:
     state = np.zeros((1, 2, law.state_size)) if law.state_size else None
-    warm = ThermalStretch(FREE).update(law, green(ELASTIC @ U), state, moduli=False)
+    warm = HeatedMaterial(law, FREE).update(green(ELASTIC @ U), state, moduli=False)
     cold = law.update(green(ELASTIC), state, moduli=False)
     expected = cauchy(ELASTIC, cold.stress)
     assert np.abs(expected).max() > 1.0
@@ -52,13 +52,13 @@ def test_stress_and_history_are_those_of_the_body_that_has_expanded(law: gs.fem.
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
 def test_moduli_are_the_derivative_of_the_stress(law: gs.fem.Law) -> None:
-    heat, step = ThermalStretch(FREE), 1e-5
+    heat, step = HeatedMaterial(law, FREE), 1e-5
     state = np.zeros((1, 2, law.state_size)) if law.state_size else None
     strain = green(ELASTIC @ U)
-    moduli = heat.update(law, strain, state, moduli=True).moduli
+    moduli = heat.update(strain, state, moduli=True).moduli
     assert moduli is not None
     for column, unit in enumerate(step * np.eye(6)):
-        up, down = (heat.update(law, strain + d, state, moduli=False).stress for d in (unit, -unit))
+        up, down = (heat.update(strain + d, state, moduli=False).stress for d in (unit, -unit))
         slope = (up - down) / (2.0 * step)
         assert np.abs(slope - moduli[..., column]).max() <= 1e-7 * np.abs(moduli).max()
     assert np.abs(moduli - moduli.swapaxes(2, 3)).max() <= 1e-14 * np.abs(moduli).max()
@@ -67,7 +67,7 @@ def test_moduli_are_the_derivative_of_the_stress(law: gs.fem.Law) -> None:
 def test_a_body_free_to_expand_has_no_stress() -> None:
     for law in LAWS:
         state = np.zeros((1, 2, law.state_size)) if law.state_size else None
-        stress = ThermalStretch(FREE).update(law, green(ROTATION @ U), state, moduli=False).stress
+        stress = HeatedMaterial(law, FREE).update(green(ROTATION @ U), state, moduli=False).stress
         assert np.abs(stress).max() <= 1e-14 * 200.0
 
 
