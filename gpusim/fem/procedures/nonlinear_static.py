@@ -90,7 +90,8 @@ def _stability_warning(controls: Controls, steps: list[LoadStep]) -> tuple[str, 
         return ()
     return (
         f"{len(loose)} load steps, first number {loose[0]}, end in an equilibrium that isn't "
-        "stable: the body would buckle (a small imperfection of mesh or load shows where to)",
+        "stable: the body would buckle (a small imperfection of mesh or load shows where to), or "
+        "its material softens",
     )
 
 
