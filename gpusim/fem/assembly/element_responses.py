@@ -32,20 +32,15 @@ def element_responses(model: Model, formulation: Mapping[str, str]) -> list[Elem
         chosen = model.material_of_cell == number
         if not law.finite_strain:
             for group in model_groups(model, formulation, chosen):
-                rule = formulation[group.name]
-                block = ElementBlock(
-                    group.name, rule, points, group.cells, law, numbers=group.numbers
-                )
+                rule, numbers = formulation[group.name], group.numbers
+                block = ElementBlock(group.name, rule, points, group.cells, law, numbers)
                 responses.append(Corotational(block, group))
             continue
         for name, first, cells in model.mesh.blocks():
-            numbers = first + np.flatnonzero(chosen[first : first + len(cells)])
-            own = cells[numbers - first]
+            own, rule = np.flatnonzero(chosen[first : first + len(cells)]), formulation[name]
             if len(own):
-                rule = formulation[name]
-                element = _FINITE_STRAIN.get(rule, TotalLagrangian)
-                block = ElementBlock(name, rule, points, own, law, numbers=numbers)
-                responses.append(element(block))
+                block = ElementBlock(name, rule, points, cells[own], law, first + own)
+                responses.append(_FINITE_STRAIN.get(rule, TotalLagrangian)(block))
     return responses
 
 

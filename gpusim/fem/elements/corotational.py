@@ -113,8 +113,8 @@ class Corotational(ElementResponse):
         stress, volume = self._point_stress(which, frame.strained)
         strain = stress @ np.linalg.inv(block.law.stiffness())
         results = {"energy": 0.5 * (stress * strain).sum(axis=2)}
-        if self._free_strain is not None:
-            strain += self._free_strain[which]
+        if self.free_strain is not None:
+            strain += self.free_strain[which]
         strain = green_lagrange(tensor(strain * [1.0, 1.0, 1.0, 0.5, 0.5, 0.5]))
         rotation = frame.rotation.transpose(1, 2, 0)[..., None]
         return PointValues(pushed_forward(rotation, stress), stress, strain, volume, results)
@@ -123,13 +123,13 @@ class Corotational(ElementResponse):
         """Stress (m,Q,6) in the cell's frame and volume (m,Q)."""
         block = self.block
         nodes = block.relative(block.points, which)
-        free = None if self._free_strain is None else self._free_strain[which]
+        free = None if self.free_strain is None else self.free_strain[which]
         moved, moduli = strained.reshape(nodes.shape), block.law.stiffness()
         return point_stress(self.name, block.formulation, nodes, moved, moduli, free)
 
     def _local_force(self, which: Long, matrices: Float, strained: Float) -> Float:
         """(m,3k) in the cell's frame."""
-        if self._free_strain is None:
+        if self.free_strain is None:
             return np.asarray(np.matmul(matrices, strained[..., None])[..., 0])
         block = self.block
         nodes = block.relative(block.points, which)

@@ -37,9 +37,6 @@ class ElementBlock:
 
     name, formulation : a key of ``ELEMENTS`` and one of its formulations.
     points : (N,3) reference positions of all nodes; ``cells`` (M,k) their numbers.
-    free_strain : (M,Q,6) strain that causes no stress, engineering shear, along global axes at
-        rest, so that it turns with the material; None: none. At finite strain it is the stretch
-        of a free body, less one.
     numbers : (M,) of the mesh's cells; None where they are no mesh's.
 
     Raises InputError for cells inverted at a quadrature point.
@@ -50,7 +47,6 @@ class ElementBlock:
     points: Float
     cells: Int
     law: Law
-    free_strain: Float | None = None
     numbers: Long | None = None
 
     def __post_init__(self) -> None:
@@ -115,6 +111,10 @@ class PointValues:
 class ElementResponse(ABC):
     """Elements of one type and one law: ``name`` of the cell type, ``cells`` (M,k).
 
+    ``free_strain`` may be set: (M,Q,6) strain that causes no stress, engineering shear, along
+    global axes at rest, so that it turns with the material; None: none. At finite strain it is the
+    stretch of a free body, less one.
+
     ``foretold`` and ``state`` are the shapes of what is kept: stresses or forces that the linear
     part of a step foretells (mixed integration points: Magisano, Leonetti & Garcea, IJNME 109
     (2017) 1237), and the law's states.
@@ -124,10 +124,9 @@ class ElementResponse(ABC):
         self, block: ElementBlock, foretold: tuple[int, ...], state: tuple[int, ...] | None
     ) -> None:
         self.block, self.name, self.cells = block, block.name, block.cells
-        self._free_strain = block.free_strain
+        self.free_strain: Float | None = None
         self._foretold = np.full(foretold, np.nan)
-        self._state = None if state is None else np.zeros(state)
-        self._trial = None if state is None else np.zeros(state)
+        self._begin(None if state is None else np.zeros(state))
 
     @abstractmethod
     def response(self, which: Long, u: Float, want: Want) -> tuple[Float, Float | None]:
@@ -149,10 +148,6 @@ class ElementResponse(ABC):
         """(m,) largest principal Biot strain, by size, at the points of each element."""
         return largest_principal_strain(self.point_values(which, u).strain)
 
-    def set_free_strain(self, free_strain: Float | None) -> None:
-        """From now on points are free to strain so, see `ElementBlock`."""
-        self._free_strain = free_strain
-
     def forget_foretold(self) -> None:
         """The next tangents are those of the state."""
         self._foretold.fill(np.nan)
@@ -165,13 +160,15 @@ class ElementResponse(ABC):
     def restore(self, internal: Internal) -> None:
         """As it was at a ``snapshot``."""
         self._foretold = internal.foretold.copy()
-        self._state = internal.state
-        self._trial = None if self._state is None else self._state.copy()
+        self._begin(internal.state)
 
     def commit(self, u: Float) -> None:
         """The step has converged at ``u``, where ``response`` was asked last."""
-        self._state = self._trial
-        self._trial = None if self._state is None else self._state.copy()
+        self._begin(self._trial)
+
+    def _begin(self, state: Float | None) -> None:
+        """A step, from a state of the points."""
+        self._state, self._trial = state, None if state is None else state.copy()
 
     def _or_foretold(self, actual: Float, which: Long) -> Float:
         """What is foretold of the elements ``which``, the ``actual`` where nothing is."""

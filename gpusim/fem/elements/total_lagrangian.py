@@ -140,9 +140,9 @@ class TotalLagrangian(ElementResponse):
         return self._slope(motion.geometry, step)
 
     def _material(self, which: Long) -> Law | HeatedMaterial:
-        if self._free_strain is None:
+        if self.free_strain is None:
             return self.law
-        heated = HeatedMaterial(self.law, self._free_strain[which])
+        heated = HeatedMaterial(self.law, self.free_strain[which])
         require_upright(f"{self.name}, free to expand", heated.volume)
         return heated
 

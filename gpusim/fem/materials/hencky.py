@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from gpusim.arrays.array_types import Float
 from gpusim.fem.materials.isotropic_constants import IsotropicConstants
@@ -33,9 +32,6 @@ class Hencky(IsotropicConstants):
     >>> bool(np.isclose(stress, 200e9 * np.log(1.01) / 1.01**2, rtol=1e-13))
     True
     """
-
-    state_size: ClassVar[int] = 0
-    finite_strain: ClassVar[bool] = True
 
     def update(self, strain: Float, state: Float | None, *, moduli: bool) -> Update:
         """Stress and moduli at a Green-Lagrange strain (…,6); no state."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -13,12 +14,17 @@ from gpusim.fem.materials.symmetric_tensors import ENGINEERING
 
 @dataclass(frozen=True)
 class IsotropicConstants:
-    """What every isotropic law is at rest. Raises InputError for constants out of range."""
+    """What every isotropic law is at rest, and an elastic one of finite strain at any.
+
+    Raises InputError for constants out of range.
+    """
 
     E: float
     nu: float
     density: float = 0.0
     expansion: float = 0.0
+    state_size: ClassVar[int] = 0
+    finite_strain: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         for name, rule in (

@@ -37,9 +37,9 @@ def first_row_product(a: Float, b: Float) -> Float:
     return np.asarray(a[0] * b[0] + a[3] * b[3] + a[5] * b[5])
 
 
-def symmetric_part(matrices: Float) -> Float:
-    """(6,…) components of (a + a^t) / 2, of matrices (3,3,…)."""
-    return np.asarray(0.5 * (matrices[ROW, COLUMN] + matrices[COLUMN, ROW]))
+def symmetric_sum(matrices: Float) -> Float:
+    """(6,…) components of a + a^t, of matrices (3,3,…)."""
+    return np.asarray(matrices[ROW, COLUMN] + matrices[COLUMN, ROW])
 
 
 def components_last(a: Float, shape: tuple[int, ...]) -> Float:

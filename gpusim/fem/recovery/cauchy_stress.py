@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,25 +28,23 @@ def cauchy_stress(
     stress in the linear material at rest, ``volume`` that at rest. ``results`` has second
     Piola-Kirchhoff stress, Green-Lagrange strain and what laws tell.
     """
-    return _CauchyRecovery(model, responses, u, formulation).run()
+    return _CauchyRecovery(model, u, formulation, None).of(responses)
 
 
 class _CauchyRecovery(Recovery):
-    def __init__(
-        self,
-        model: Model,
-        responses: Sequence[ElementResponse],
-        u: Float,
-        formulation: Mapping[str, str],
-    ) -> None:
-        super().__init__(model, u, formulation, None)
-        self._first = {kind: first for kind, first, _ in model.mesh.blocks()}
+    def of(self, responses: Sequence[ElementResponse]) -> Stress:
+        """With the values that elements have at their points."""
+        self._first = {kind: first for kind, first, _ in self.model.mesh.blocks()}
         # name -> cell type -> (M,Q,…) at the points; zero where a law doesn't tell it
         self._told: dict[str, dict[str, Float]] = {}
         for one in responses:
             self._take(one)
         apart = ("cauchy", "volume", "logarithmic_strain")
         self.points, self._volume, self._strain = (self._told.pop(name) for name in apart)
+        stored = self._told["energy"].items()
+        energy = sum(float(np.vdot(values, self._volume[kind])) for kind, values in stored)
+        results = {name: self._averages(values) for name, values in self._told.items()}
+        return replace(self.run(), results=results, strain_energy=energy)
 
     def _take(self, response: ElementResponse) -> None:
         """The values of its points."""
@@ -79,13 +78,6 @@ class _CauchyRecovery(Recovery):
 
     def _strains(self, values: Float) -> Float:
         return np.asarray(self._averages(self._strain) * ENGINEERING)
-
-    def _results(self) -> dict[str, Float]:
-        return {name: self._averages(values) for name, values in self._told.items()}
-
-    def _strain_energy(self) -> float:
-        stored = self._told["energy"].items()
-        return sum(float(np.vdot(energy, self._volume[kind])) for kind, energy in stored)
 
     def _averages(self, values: Mapping[str, Float]) -> Float:
         """(P,…) at nodes, of values (M,Q,…) at points."""

@@ -38,11 +38,10 @@ class Stress:
     averaged, with equal weights, over the cells *of one material* at the node: stress may jump
     where the material changes. So nodes on such a border have one value per material.
 
+    node_count : N, of the mesh.
     points : cell type -> (M,Q,6) at the quadrature points of the formulation.
     node_of, material_of, values : (P,), (P,), (P,6) the averages: node, material, stress.
     strains : (P,6) total strain that belongs to ``values``, engineering shear.
-    nodal : (N,6), where materials meet the value with the greatest von Mises stress; 0 at nodes of
-        no cell.
     cell : (M,6) volume mean of each cell, cells in the mesh's order.
     volume, energy : (M,) of each cell; energy is that of the stress, s.C^-1.s/2.
     results : more (P,…) like ``values`` by name, at large displacements: "piola_stress" second
@@ -63,12 +62,12 @@ class Stress:
     ((8, 6), 1.0)
     """
 
+    node_count: int
     points: Mapping[str, Float]
     node_of: Long
     material_of: Long
     values: Float
     strains: Float
-    nodal: Float
     cell: Float
     volume: Float
     energy: Float
@@ -76,6 +75,12 @@ class Stress:
     results: Mapping[str, Float] = field(default_factory=dict)
     strain_energy: float = np.nan
     __repr__ = field_summary
+
+    @cached_property
+    def nodal(self) -> Float:
+        """(N,6) stress, where materials meet the one with the greatest von Mises stress; 0 at nodes
+        of no cell."""
+        return self._telling(self.values)
 
     @cached_property
     def nodal_strain(self) -> Float:
@@ -96,7 +101,7 @@ class Stress:
 
     def _telling(self, values: Float) -> Float:
         """(N,…) of values (P,…) those where the von Mises stress of a node is greatest."""
-        result = np.zeros((len(self.nodal), *values.shape[1:]))
+        result = np.zeros((self.node_count, *values.shape[1:]))
         order = np.argsort(von_mises(self.values), kind="stable")
         # the last one written is the greatest
         result[self.node_of[order]] = values[order]
@@ -104,9 +109,7 @@ class Stress:
 
     def renumbered(self, order: Long) -> Stress:
         """Of a mesh in which node k is number ``order[k]``."""
-        nodal = np.empty_like(self.nodal)
-        nodal[order] = self.nodal
-        return replace(self, node_of=order[self.node_of], nodal=nodal)
+        return replace(self, node_of=order[self.node_of])
 
     @cached_property
     def von_mises(self) -> Float:
@@ -259,14 +262,12 @@ class Recovery:
         for array in self.points.values():
             array.setflags(write=False)
         return Stress(
+            node_count=self.model.mesh.node_count,
             points=MappingProxyType(self.points),
             node_of=self.node_of,
             material_of=self.material_of,
             values=total,
             strains=self._strains(total),
-            results=self._results(),
-            strain_energy=self._strain_energy(),
-            nodal=self._nodal(total),
             cell=self.cell,
             volume=self.volume,
             energy=self.energy,
@@ -344,20 +345,6 @@ class Recovery:
         if self.change is not None:
             strain += self.change[self.node_of, None] * self.expansion[self.material_of]
         return strain
-
-    def _results(self) -> dict[str, Float]:
-        return {}
-
-    def _strain_energy(self) -> float:
-        return np.nan
-
-    def _nodal(self, values: Float) -> Float:
-        """Of each node's values the one with the greatest von Mises stress."""
-        nodal = np.zeros((self.model.mesh.node_count, 6))
-        order = np.argsort(von_mises(values), kind="stable")
-        # the last one written is the greatest
-        nodal[self.node_of[order]] = values[order]
-        return nodal
 
     def _error(self, averages: Float, part: Part) -> Float:
         element = ELEMENTS[part.kind]

@@ -8,10 +8,8 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import NotConverged
-from gpusim.fem.elements.element_response import ElementBlock
 from gpusim.fem.elements.heated_material import HeatedMaterial
-from gpusim.fem.elements.total_lagrangian import TotalLagrangian
-from tests.support.element_responses import ROTATION, single, tensors
+from tests.support.element_responses import ROTATION, elements, single, tensors
 
 Float = npt.NDArray[np.float64]
 RANDOM = np.random.default_rng(3)
@@ -93,9 +91,9 @@ def test_hot_metal_held_lengthwise_flows_as_its_curve_says() -> None:
 
 def test_what_shrinks_to_less_than_nothing_is_refused() -> None:
     nodes = single("tet4")
-    cell = ElementBlock("tet4", "full", nodes, np.arange(4, dtype=np.int32)[None], LAWS[0],
-                        np.array([[[-1.5, 0.0, 0.0, 0.0, 0.0, 0.0]]]))  # fmt: skip
+    own = elements(("finite", "tet4", "full"), nodes, np.arange(4)[None], LAWS[0])
+    own.free_strain = np.array([[[-1.5, 0.0, 0.0, 0.0, 0.0, 0.0]]])
     with pytest.raises(
         NotConverged, match=r"tet4, free to expand: 1 cells .* volume of -0.5 times"
     ):
-        TotalLagrangian(cell).point_values(np.array([0]), np.zeros_like(nodes))
+        own.point_values(np.array([0]), np.zeros_like(nodes))
