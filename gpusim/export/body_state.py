@@ -23,8 +23,9 @@ class BodyState:
     ``u``: nodal displacements (N, 3), m. ``model``: what it was solved as; None for a body whose
     displacements are given: it has no stress. ``formulation``, ``temperature``: as for
     `gpusim.fem.stress`. What is there already: ``nodal_stress`` (N, 6), Pa, ``nodal_strain`` (N, 6)
-    as tensor components, ``nodal_plastic_strain`` (N,), and ``stored_error_share`` of elements
-    (M,); the elements' stress isn't then.
+    as tensor components, ``nodal_plastic_strain`` (N,), second Piola-Kirchhoff stress and
+    Green-Lagrange strain likewise, and ``stored_error_share`` of elements (M,); the elements'
+    stress isn't then.
     """
 
     mesh: Mesh
@@ -36,6 +37,8 @@ class BodyState:
     stored_error_share: Float | None = None
     nodal_strain: Float | None = None
     nodal_plastic_strain: Float | None = None
+    nodal_piola_stress: Float | None = None
+    nodal_green_lagrange_strain: Float | None = None
 
     @property
     def length(self) -> Float:

@@ -122,13 +122,18 @@ VTU_ARRAYS = {
     "error_share": Field("share of the stress error", "1", BODY["error_share"].of, "elements"),
     "strain": Field(f"logarithmic strain {_AXES}", "1", lambda state: state.strain, "nodes"),
     "plastic_strain": Field("plastic strain", "1", BODY["plastic_strain"].of, "nodes"),
-}
+    "piola_stress": Field(f"second Piola-Kirchhoff stress {_AXES}", "Pa",
+                          lambda state: state.nodal_piola_stress, "nodes"),
+    "green_lagrange_strain": Field(f"Green-Lagrange strain {_AXES}", "1",
+                                   lambda state: state.nodal_green_lagrange_strain, "nodes"),
+}  # fmt: skip
 """Of a body in a frame, as VTU files have them."""
 
 VTU_NEEDS = {
     "u": "", "stress": "nodal_stress", "von_mises": "nodal_stress",
     "error_share": "stored_error_share", "strain": "nodal_strain",
-    "plastic_strain": "nodal_plastic_strain",
+    "plastic_strain": "nodal_plastic_strain", "piola_stress": "nodal_piola_stress",
+    "green_lagrange_strain": "nodal_green_lagrange_strain",
 }  # fmt: skip
 """What of a `BodyState` has to be there for each: stress where asked for, strain of bodies at
 large displacements."""

@@ -75,7 +75,11 @@ def html(solution: Solution) -> str:
             noise = 1e-9 * float(np.abs(sums).max())
             shown = np.where(np.abs(sums) > noise, sums, 0.0)
             rows.append((name, ", ".join(quantity(value) for value in shown)))
-    rows.append(("energy balance", quantity(solution.energy_balance, digits=2)))
+    if solution.steps:
+        rows.append(("stored energy", quantity(solution.strain_energy[0])))
+        rows.append(("work of loads and supports", quantity(solution.external_work[0])))
+    else:
+        rows.append(("energy balance", quantity(solution.energy_balance, digits=2)))
     notes = [_NOTE, *solution.warnings]
     if not solution.converged:
         notes.append(solution.message)

@@ -90,7 +90,7 @@ class Equation:
             return
         change = linear_temperature("solve", self.model.mesh, factors @ temperature)
         for one in self.responses:
-            one.set_free_strain(free_strain(one, change))
+            one.free_strain = free_strain(one, change)
         self._warmed = factors.copy()
 
     def external(self, u: Float, factors: Float) -> Float:

@@ -112,23 +112,24 @@ class Corotational(ElementResponse):
         frame, block = self._frame(which, u), self.block
         stress, volume = self._point_stress(which, frame.strained)
         strain = stress @ np.linalg.inv(block.law.stiffness())
-        if self._free_strain is not None:
-            strain += self._free_strain[which]
+        results = {"energy": 0.5 * (stress * strain).sum(axis=2)}
+        if self.free_strain is not None:
+            strain += self.free_strain[which]
         strain = green_lagrange(tensor(strain * [1.0, 1.0, 1.0, 0.5, 0.5, 0.5]))
         rotation = frame.rotation.transpose(1, 2, 0)[..., None]
-        return PointValues(pushed_forward(rotation, stress), stress, strain, volume)
+        return PointValues(pushed_forward(rotation, stress), stress, strain, volume, results)
 
     def _point_stress(self, which: Long, strained: Float) -> tuple[Float, Float]:
         """Stress (m,Q,6) in the cell's frame and volume (m,Q)."""
         block = self.block
         nodes = block.relative(block.points, which)
-        free = None if self._free_strain is None else self._free_strain[which]
+        free = None if self.free_strain is None else self.free_strain[which]
         moved, moduli = strained.reshape(nodes.shape), block.law.stiffness()
         return point_stress(self.name, block.formulation, nodes, moved, moduli, free)
 
     def _local_force(self, which: Long, matrices: Float, strained: Float) -> Float:
         """(m,3k) in the cell's frame."""
-        if self._free_strain is None:
+        if self.free_strain is None:
             return np.asarray(np.matmul(matrices, strained[..., None])[..., 0])
         block = self.block
         nodes = block.relative(block.points, which)

@@ -20,14 +20,13 @@ from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS, Rule, mode_gradient
 from gpusim.fem.elements.isoparametric_map import determinant, inverse, reference_gradient
+from gpusim.fem.materials.symmetric_tensors import FULL
 
 # Numbers in the largest temporary of a chunk: it should stay in the cache.
 _CHUNK_NUMBERS = 1 << 17
-# Strain component (xx yy zz xy yz zx) of the tensor's entry ij.
-_VOIGT = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
 # Where the modulus C_ikjl of (kl, ij) stands in the 6x6 matrix.
 _K, _L, _I, _J = np.indices((3, 3, 3, 3)).reshape(4, 9, 9)
-_MODULUS = 6 * _VOIGT[_I, _K] + _VOIGT[_J, _L]
+_MODULUS = 6 * FULL[_I, _K] + FULL[_J, _L]
 
 
 def strain_matrix(gradient: Float) -> Float:

@@ -110,6 +110,12 @@ class J2:
         pulled_back = logarithmic.pulled_back(stress, matrices)
         return Update(*pulled_back, components_last(new, strain.shape[:-1]))
 
+    def results(self, strain: Float, state: Float) -> dict[str, Float]:
+        """The elastic energy and the accumulated plastic strain (…)."""
+        plastic = state[..., :6].reshape(-1, 6).T / ENGINEERING[:, None]
+        energy = self.elastic.quadratic_energy(LogarithmicStrain(strain).components - plastic)
+        return {"energy": energy.reshape(state.shape[:-1]), "plastic_strain": state[..., 6]}
+
     def _return_mapping(self, trial: Float, p: Float) -> tuple[Long, Float, Float]:
         """Which points flow (F,), or would as soon as they are strained on; the share (P,) of the
         trial deviator that becomes plastic, and the slope (F,) of the yield stress afterwards; p

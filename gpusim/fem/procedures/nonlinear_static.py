@@ -16,7 +16,7 @@ from gpusim.fem.linear.solve_plan import Options
 from gpusim.fem.linear.tangent_solver import TangentSolver
 from gpusim.fem.materials.law import Law
 from gpusim.fem.model.model import Model
-from gpusim.fem.model.solution import LoadStep, Solution
+from gpusim.fem.model.solution import LoadStep, Solution, load_path_results
 from gpusim.fem.procedures.load_steps import load_steps
 from gpusim.fem.procedures.newton import Controls, Steps
 from gpusim.fem.recovery.cauchy_stress import cauchy_stress
@@ -54,18 +54,13 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
             raise
         message = str(error)
     options.clock.mark("load steps")
-    last, every = steps[-1], [one for step in steps for one in step.iterations]
-    work = float(path_work(model, steps)[-1])
+    works = path_work(model, steps).tolist()
+    steps = [replace(step, external_work=work) for step, work in zip(steps, works, strict=True)]
+    last = steps[-1]
     reasons = () if solver.plan is None else solver.plan.lines
     return Solution(
-        u=last.u,
+        **load_path_results(steps, last),
         converged=message == "converged",
-        error_estimate=max(step.error_estimate for step in steps),
-        iterations=sum(one.solver_iterations for one in every),
-        residuals=np.array([[one.residual] for one in last.iterations]),
-        reactions=last.reactions,
-        strain_energy=np.array([work]),
-        external_work=np.array([work]),
         unknowns=int(equation.unknown.sum()),
         message=message,
         warnings=(*_strain_warning(equation, last.u), *_stability_warnings(equation, steps)),
@@ -77,7 +72,6 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
         row_classes=model.mesh.node_count,
         reasons=reasons,
         model=model,
-        steps=tuple(steps),
     )
 
 
@@ -93,7 +87,7 @@ def _stability_warnings(equation: Equation, steps: list[LoadStep]) -> list[str]:
     ]
     unstable = [number for number, _ in loose if number not in skew]
     said = (
-        (unstable, "isn't stable: the body would buckle"),
+        (unstable, "isn't stable: the body would buckle, or its material softens"),
         (skew, "may not be stable: loads that follow have no potential there"),
     )
     return [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from types import MappingProxyType
 
@@ -38,14 +38,17 @@ class Stress:
     averaged, with equal weights, over the cells *of one material* at the node: stress may jump
     where the material changes. So nodes on such a border have one value per material.
 
+    node_count : N, of the mesh.
     points : cell type -> (M,Q,6) at the quadrature points of the formulation.
     node_of, material_of, values : (P,), (P,), (P,6) the averages: node, material, stress.
     strains : (P,6) total strain that belongs to ``values``, engineering shear.
-    nodal : (N,6), where materials meet the value with the greatest von Mises stress; 0 at nodes of
-        no cell.
     cell : (M,6) volume mean of each cell, cells in the mesh's order.
     volume, energy : (M,) of each cell; energy is that of the stress, s.C^-1.s/2.
-    plastic_strains : (P,) accumulated plastic strain likewise; None without plasticity.
+    results : more (P,…) like ``values`` by name, at large displacements: "piola_stress" second
+        Piola-Kirchhoff stress, "green_lagrange_strain" as tensor components, "energy" that is
+        stored per volume at rest (NaN where a law doesn't tell it), "plastic_strain" accumulated;
+        and what a user's own law tells (`gpusim.fem.Law`).
+    strain_energy : what is stored in the whole body then; NaN where that isn't known.
     error : (M,) energy norm of the difference between the averaged and the cell's own stress,
         the indicator of Zienkiewicz & Zhu, IJNME 24 (1987) 337: sqrt of the integral of
         (s* - s).C^-1.(s* - s).
@@ -59,18 +62,25 @@ class Stress:
     ((8, 6), 1.0)
     """
 
+    node_count: int
     points: Mapping[str, Float]
     node_of: Long
     material_of: Long
     values: Float
     strains: Float
-    nodal: Float
     cell: Float
     volume: Float
     energy: Float
     error: Float
-    plastic_strains: Float | None = None
+    results: Mapping[str, Float] = field(default_factory=dict)
+    strain_energy: float = np.nan
     __repr__ = field_summary
+
+    @cached_property
+    def nodal(self) -> Float:
+        """(N,6) stress, where materials meet the one with the greatest von Mises stress; 0 at nodes
+        of no cell."""
+        return self._telling(self.values)
 
     @cached_property
     def nodal_strain(self) -> Float:
@@ -80,13 +90,18 @@ class Stress:
         return result
 
     @cached_property
+    def nodal_results(self) -> dict[str, Float]:
+        """(N,…) of ``results``, by name, where ``nodal`` is."""
+        return {name: self._telling(values) for name, values in self.results.items()}
+
+    @property
     def nodal_plastic_strain(self) -> Float | None:
         """(N,) accumulated plastic strain where ``nodal`` is; None without plasticity."""
-        return None if self.plastic_strains is None else self._telling(self.plastic_strains)
+        return self.nodal_results.get("plastic_strain")
 
     def _telling(self, values: Float) -> Float:
         """(N,…) of values (P,…) those where the von Mises stress of a node is greatest."""
-        result = np.zeros((len(self.nodal), *values.shape[1:]))
+        result = np.zeros((self.node_count, *values.shape[1:]))
         order = np.argsort(von_mises(self.values), kind="stable")
         # the last one written is the greatest
         result[self.node_of[order]] = values[order]
@@ -94,9 +109,7 @@ class Stress:
 
     def renumbered(self, order: Long) -> Stress:
         """Of a mesh in which node k is number ``order[k]``."""
-        nodal = np.empty_like(self.nodal)
-        nodal[order] = self.nodal
-        return replace(self, node_of=order[self.node_of], nodal=nodal)
+        return replace(self, node_of=order[self.node_of])
 
     @cached_property
     def von_mises(self) -> Float:
@@ -193,7 +206,7 @@ def stress(
     require(isinstance(model, Model), "stress: model", type(model).__name__, "a Model")
     shape = model.mesh.points.shape
     expected = f"{shape} finite numbers, the displacements of one load case"
-    field = finite_numbers(u, "stress: u", [shape], expected)
+    own = finite_numbers(u, "stress: u", [shape], expected)
     if temperature is None and model.temperature is not None:
         cases = len(model.temperature)
         require(cases == 1, "stress: temperature", f"None, {cases} load cases", "that of u's case")
@@ -201,7 +214,7 @@ def stress(
     change = None if temperature is None else linear_temperature("stress", model.mesh, temperature)
     # the work is shared out above BLAS
     with one_blas_thread():
-        return Recovery(model, field, resolve_formulation(model, formulation), change).run()
+        return Recovery(model, own, resolve_formulation(model, formulation), change).run()
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,13 +262,12 @@ class Recovery:
         for array in self.points.values():
             array.setflags(write=False)
         return Stress(
+            node_count=self.model.mesh.node_count,
             points=MappingProxyType(self.points),
             node_of=self.node_of,
             material_of=self.material_of,
             values=total,
             strains=self._strains(total),
-            plastic_strains=self._plastic_strains(),
-            nodal=self._nodal(total),
             cell=self.cell,
             volume=self.volume,
             energy=self.energy,
@@ -333,17 +345,6 @@ class Recovery:
         if self.change is not None:
             strain += self.change[self.node_of, None] * self.expansion[self.material_of]
         return strain
-
-    def _plastic_strains(self) -> Float | None:
-        return None
-
-    def _nodal(self, values: Float) -> Float:
-        """Of each node's values the one with the greatest von Mises stress."""
-        nodal = np.zeros((self.model.mesh.node_count, 6))
-        order = np.argsort(von_mises(values), kind="stable")
-        # the last one written is the greatest
-        nodal[self.node_of[order]] = values[order]
-        return nodal
 
     def _error(self, averages: Float, part: Part) -> Float:
         element = ELEMENTS[part.kind]

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 STEPS = "solution/steps.npz"
 FIELDS = {
     "stress": "nodal_stress", "strain": "nodal_strain", "plastic": "nodal_plastic_strain",
-    "error": "stored_error_share",
+    "error": "stored_error_share", "piola": "nodal_piola_stress",
+    "green": "nodal_green_lagrange_strain",
 }  # fmt: skip
 """What is kept of a step, by what a `gpusim.export.body_state.BodyState` calls it."""
 
@@ -35,8 +36,9 @@ def step_arrays(
     arrays = {"states": np.array(motion.states), "u": motion.u, "reactions": motion.forces}
     for number, found in enumerate(stresses):
         assert found is not None
-        values = found.nodal, found.nodal_strain, found.nodal_plastic_strain, found.error_share
-        fields = zip(FIELDS, values, strict=True)
+        told = map(found.nodal_results.get, ("piola_stress", "green_lagrange_strain"))
+        own = found.nodal, found.nodal_strain, found.nodal_plastic_strain, found.error_share
+        fields = zip(FIELDS, (*own, *told), strict=True)
         arrays |= {f"{name}_{number}_": one for name, one in fields if one is not None}
     return {f"{name}{body}": array for name, array in arrays.items()}
 

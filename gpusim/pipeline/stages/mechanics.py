@@ -163,8 +163,7 @@ class Stresses:
         """By the names of `FIELDS`: nodal stress and the elements' shares of the error, zero in a
         frame without; and the strain of a body at large displacements."""
         nodes, cells = parts.mesh.node_count, parts.mesh.cell_count
-        shapes = {"stress": (nodes, 6), "strain": (nodes, 6), "plastic": (nodes,),
-                  "error": (cells,)}  # fmt: skip
+        shapes = dict.fromkeys(FIELDS, (nodes, 6)) | {"plastic": (nodes,), "error": (cells,)}
         found: dict[str, Any] = {
             "nodal_stress": np.zeros((nodes, 6)),
             "stored_error_share": np.zeros(cells),
