@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -31,6 +31,9 @@ class MultigridSolver:
     plan: SolvePlan
     system: System
     multigrid: Multigrid
+
+    update_cost: ClassVar[int] = 20
+    """Iterations with levels that take as long as new ones."""
 
     @classmethod
     def prepare(
