@@ -110,14 +110,16 @@ def _iterated(
         steps.append(step)
         error = error_left(steps, controls.forcing) / (size if size > 0.0 else 1.0)
         residual = _relative(tangent.residual, equation, u, factors)
+        ended = error <= controls.tolerance or step <= _ROUNDING * size
+        definite = found.definite and (not ended or solver.definite(tangent))
         done.append(
-            Iteration(step / max(size, 1e-300), residual, found.iterations, found.definite, error)
+            Iteration(step / max(size, 1e-300), residual, found.iterations, definite, error)
         )
         if controls.progress is not None:
             controls.progress(len(done), error)
-        if error <= controls.tolerance or step <= _ROUNDING * size:
+        if ended:
             # a skew part may keep stable what the symmetric one alone wouldn't
-            if controls.stable and not found.definite and tangent.skew is None:
+            if controls.stable and not definite and tangent.skew is None:
                 raise NotConverged("got an equilibrium that isn't stable; expected a stable one")
             return Equilibrium(u, tuple(done))
         if len(done) == most:

@@ -111,6 +111,15 @@ def test_steps_that_fail_are_shorter_the_next_time() -> None:
     )
 
 
+def test_a_path_along_which_no_load_grows_is_none() -> None:
+    case = arch(20, 1.0)
+    equation, solver = prepared(case, "direct")
+    still = LoadPath(np.ones(1), np.ones(1))
+    start = PathPoint(0.0, np.zeros(case.model.mesh.points.shape), ())
+    with pytest.raises(NotConverged, match="by arc length: got a step in which no load grows"):
+        next(follow_path(equation, solver, still, start, 1.0, CONTROLS))
+
+
 def test_no_root_no_step() -> None:
     residual, load = np.array([[2.0, 0.0, 0.0]]), np.array([[0.0, 1.0, 0.0]])
     du = np.zeros((1, 3))
