@@ -91,5 +91,5 @@ class _CauchyRecovery(Recovery):
             positive = not shape and (at_points >= 0.0).all()
             return np.maximum(nodal, 0.0) if positive else nodal
 
-        averages = self.averaged(list(self.parts()), at_nodes, int(np.prod(shape)))
+        averages = self.averaged(at_nodes, int(np.prod(shape)))
         return np.asarray(averages.reshape(-1, *shape))
