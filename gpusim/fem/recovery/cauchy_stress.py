@@ -53,12 +53,12 @@ class _CauchyRecovery(Recovery):
             own = response.point_values(which, self.u)
             logarithmic = LogarithmicStrain(own.strain).components.T.reshape(own.strain.shape)
             return {
+                **own.results,
                 "cauchy": own.cauchy,
                 "volume": own.volume,
                 "logarithmic_strain": logarithmic,
                 "green_lagrange_strain": own.strain / ENGINEERING,
                 "piola_stress": own.piola,
-                **own.results,
             }
 
         every, numbers = np.arange(len(response.cells)), response.block.numbers
