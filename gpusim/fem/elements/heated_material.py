@@ -34,9 +34,8 @@ class HeatedMaterial:
         update = self.law.update(self._elastic(strain), state, moduli=moduli)
         push = self._pull.swapaxes(2, 3) * self.volume[..., None, None]
         stress = np.matmul(push, update.stress[..., None])[..., 0]
-        if update.moduli is None:
-            return Update(stress, None, update.state)
-        return Update(stress, np.matmul(np.matmul(push, update.moduli), self._pull), update.state)
+        matrices = None if update.moduli is None else push @ update.moduli @ self._pull
+        return Update(stress, matrices, update.state)
 
     def results(self, strain: Float, state: Float | None) -> dict[str, Float]:
         """As the law's own, energy per volume at rest."""

@@ -69,7 +69,7 @@ def law_of(material: Material, where: str) -> Law:
     if not hasattr(material, "update"):
         return LinearMaterial(material)
     missing = [name for name in ("state_size", "finite_strain") if not hasattr(material, name)]
-    if missing or not isinstance(material, Law):
+    if not isinstance(material, Law):
         got = f"update() without {' and '.join(missing)}"
         raise InputError(f"{where}: no law; got {got}; expected the members of gs.fem.Law")
     stiffness = np.asarray(material.stiffness())

@@ -54,8 +54,7 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
             raise
         message = str(error)
     options.clock.mark("load steps")
-    works = path_work(model, steps).tolist()
-    steps = [replace(step, external_work=work) for step, work in zip(steps, works, strict=True)]
+    steps = _with_work(model, steps)
     last = steps[-1]
     reasons = () if solver.plan is None else solver.plan.lines
     return Solution(
@@ -117,13 +116,13 @@ def _strain_warning(equation: Equation, u: Float) -> tuple[str, ...]:
     )
 
 
-def path_work(model: Model, steps: Sequence[LoadStep]) -> Float:
-    """(K,) work of loads and supports along the path, up to each step (trapezoidal rule)."""
+def _with_work(model: Model, steps: Sequence[LoadStep]) -> list[LoadStep]:
+    """With the work of loads and supports along the path, up to each step (trapezoidal rule)."""
     total, u, forces = 0.0, np.zeros_like(steps[0].u), np.zeros_like(steps[0].u)
-    works = []
+    told = []
     for step in steps:
         acting = external_forces(model, step.u, step.factors) + step.reactions
         total += 0.5 * float(np.vdot(acting + forces, step.u - u))
         u, forces = step.u, acting
-        works.append(total)
-    return np.array(works)
+        told.append(replace(step, external_work=total))
+    return told

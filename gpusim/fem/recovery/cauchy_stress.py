@@ -53,12 +53,12 @@ class _CauchyRecovery(Recovery):
             own = response.point_values(which, self.u)
             logarithmic = LogarithmicStrain(own.strain).components.T.reshape(own.strain.shape)
             return {
+                **own.results,
                 "cauchy": own.cauchy,
                 "volume": own.volume,
                 "logarithmic_strain": logarithmic,
                 "green_lagrange_strain": own.strain / ENGINEERING,
                 "piola_stress": own.piola,
-                **own.results,
             }
 
         every, numbers = np.arange(len(response.cells)), response.block.numbers
@@ -91,5 +91,5 @@ class _CauchyRecovery(Recovery):
             positive = not shape and (at_points >= 0.0).all()
             return np.maximum(nodal, 0.0) if positive else nodal
 
-        averages = self.averaged(list(self.parts()), at_nodes, int(np.prod(shape)))
+        averages = self.averaged(at_nodes, int(np.prod(shape)))
         return np.asarray(averages.reshape(-1, *shape))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from types import MappingProxyType
@@ -256,9 +256,8 @@ class Recovery:
         self.node_of, self.material_of = np.divmod(keys, len(self.moduli))
 
     def run(self) -> Stress:
-        parts = list(self.parts())
-        total = self.averaged(parts, self._recover, 6)
-        error = np.concatenate(shared(partial(self._error, total), parts))
+        total = self.averaged(self._recover, 6)
+        error = np.concatenate(shared(partial(self._error, total), list(self.parts())))
         for array in self.points.values():
             array.setflags(write=False)
         return Stress(
@@ -274,11 +273,9 @@ class Recovery:
             error=error,
         )
 
-    def averaged(
-        self, parts: Sequence[Part], at_nodes: Callable[[Part], Float], count: int
-    ) -> Float:
+    def averaged(self, at_nodes: Callable[[Part], Float], count: int) -> Float:
         """(P,count) means over the cells of one material at a node, of their values (M,k,count)."""
-        cells = np.zeros((len(self.node_of), 1))
+        parts, cells = list(self.parts()), np.zeros((len(self.node_of), 1))
         total = np.zeros((len(self.node_of), count))
         # parts are worked on side by side, but added up in order: the same bits in every run
         for part, values in zip(parts, shared(at_nodes, parts), strict=True):
