@@ -41,8 +41,7 @@ class Stress:
     points : cell type -> (M,Q,6) at the quadrature points of the formulation.
     node_of, material_of, values : (P,), (P,), (P,6) the averages: node, material, stress.
     strains : (P,6) total strain that belongs to ``values``, engineering shear.
-    nodal : (N,6), where materials meet the value with the greatest von Mises stress; 0 at nodes of
-        no cell.
+    node_count : N.
     cell : (M,6) volume mean of each cell, cells in the mesh's order.
     volume, energy : (M,) of each cell; energy is that of the stress, s.C^-1.s/2.
     plastic_strains : (P,) accumulated plastic strain likewise; None without plasticity.
@@ -64,13 +63,19 @@ class Stress:
     material_of: Long
     values: Float
     strains: Float
-    nodal: Float
+    node_count: int
     cell: Float
     volume: Float
     energy: Float
     error: Float
     plastic_strains: Float | None = None
     __repr__ = field_summary
+
+    @cached_property
+    def nodal(self) -> Float:
+        """(N,6), where materials meet the value with the greatest von Mises stress; 0 at nodes of
+        no cell."""
+        return self._telling(self.values)
 
     @cached_property
     def nodal_strain(self) -> Float:
@@ -86,7 +91,7 @@ class Stress:
 
     def _telling(self, values: Float) -> Float:
         """(N,…) of values (P,…) those where the von Mises stress of a node is greatest."""
-        result = np.zeros((len(self.nodal), *values.shape[1:]))
+        result = np.zeros((self.node_count, *values.shape[1:]))
         order = np.argsort(von_mises(self.values), kind="stable")
         # the last one written is the greatest
         result[self.node_of[order]] = values[order]
@@ -94,9 +99,7 @@ class Stress:
 
     def renumbered(self, order: Long) -> Stress:
         """Of a mesh in which node k is number ``order[k]``."""
-        nodal = np.empty_like(self.nodal)
-        nodal[order] = self.nodal
-        return replace(self, node_of=order[self.node_of], nodal=nodal)
+        return replace(self, node_of=order[self.node_of])
 
     @cached_property
     def von_mises(self) -> Float:
@@ -128,7 +131,7 @@ class Stress:
 
     def of_material(self, number: int) -> Float:
         """(N,6) averages over the cells of one material, NaN at nodes that it doesn't reach."""
-        result = np.full_like(self.nodal, np.nan)
+        result = np.full((self.node_count, 6), np.nan)
         mine = self.material_of == number
         result[self.node_of[mine]] = self.values[mine]
         return result
@@ -255,7 +258,7 @@ class Recovery:
             values=total,
             strains=self._strains(total),
             plastic_strains=self._plastic_strains(),
-            nodal=self._nodal(total),
+            node_count=self.model.mesh.node_count,
             cell=self.cell,
             volume=self.volume,
             energy=self.energy,
@@ -336,14 +339,6 @@ class Recovery:
 
     def _plastic_strains(self) -> Float | None:
         return None
-
-    def _nodal(self, values: Float) -> Float:
-        """Of each node's values the one with the greatest von Mises stress."""
-        nodal = np.zeros((self.model.mesh.node_count, 6))
-        order = np.argsort(von_mises(values), kind="stable")
-        # the last one written is the greatest
-        nodal[self.node_of[order]] = values[order]
-        return nodal
 
     def _error(self, averages: Float, part: Part) -> Float:
         element = ELEMENTS[part.kind]
