@@ -14,8 +14,8 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.deck.step import Step
-from gpusim.fem import LoadStep, Solution
-from gpusim.fem.procedures.nonlinear_static import path_work
+from gpusim.fem import Solution
+from gpusim.fem.procedures.nonlinear_static import path_results, path_work
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,28 +49,8 @@ class LoadPath:
         found = []
         for (first, last), (begin, end) in zip(pairwise(places), pairwise(ends), strict=True):
             own, last = whole.steps[first:last], min(last, len(whole.steps))
-            got = sum(one.wanted for one in own)
-            found.append(
-                _part(whole, whole.steps[last - 1], own, bool(got == end - begin), works[last])
-            )
+            complete = bool(sum(one.wanted for one in own) == end - begin)
+            message = "converged" if complete else whole.message
+            results = path_results(own, whole.steps[last - 1], works[last])
+            found.append(replace(whole, **results, converged=complete, message=message))
         return tuple(found)
-
-
-def _part(
-    whole: Solution, last: LoadStep, own: Sequence[LoadStep], complete: bool, work: float
-) -> Solution:
-    """A solution as far as it goes to ``last``, with load steps of its ``own``."""
-    every = [one for step in own for one in step.iterations]
-    return replace(
-        whole,
-        u=last.u,
-        reactions=last.reactions,
-        converged=complete,
-        message="converged" if complete else whole.message,
-        error_estimate=max((one.error_estimate for one in own), default=1.0),
-        iterations=sum(one.solver_iterations for one in every),
-        residuals=np.array([[one.residual] for one in last.iterations]),
-        strain_energy=np.array([work]),
-        external_work=np.array([work]),
-        steps=tuple(own),
-    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -54,21 +55,13 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
             raise
         message = str(error)
     options.clock.mark("load steps")
-    last, every = steps[-1], [one for step in steps for one in step.iterations]
-    work = float(path_work(model, steps)[-1])
     reasons = () if solver.plan is None else solver.plan.lines
     return Solution(
-        u=last.u,
+        **path_results(steps, steps[-1], float(path_work(model, steps)[-1])),
         converged=message == "converged",
-        error_estimate=max(step.error_estimate for step in steps),
-        iterations=sum(one.solver_iterations for one in every),
-        residuals=np.array([[one.residual] for one in last.iterations]),
-        reactions=last.reactions,
-        strain_energy=np.array([work]),
-        external_work=np.array([work]),
         unknowns=int(equation.unknown.sum()),
         message=message,
-        warnings=(*_strain_warning(equation, last.u), *_stability_warning(controls, steps)),
+        warnings=(*_strain_warning(equation, steps[-1].u), *_stability_warning(controls, steps)),
         timings=options.clock.timings,
         method="newton",
         backend="numpy",
@@ -76,8 +69,23 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
         element_classes=model.mesh.cell_count,
         reasons=reasons,
         model=model,
-        steps=tuple(steps),
     )
+
+
+def path_results(steps: Sequence[LoadStep], last: LoadStep, work: float) -> dict[str, Any]:
+    """What a `Solution` has of its load ``steps`` and of the ``last`` one that was found, and the
+    ``work`` until then."""
+    every = [one for step in steps for one in step.iterations]
+    return {
+        "steps": tuple(steps),
+        "u": last.u,
+        "reactions": last.reactions,
+        "error_estimate": max((step.error_estimate for step in steps), default=1.0),
+        "iterations": sum(one.solver_iterations for one in every),
+        "residuals": np.array([[one.residual] for one in last.iterations]),
+        "strain_energy": np.array([work]),
+        "external_work": np.array([work]),
+    }
 
 
 def _stability_warning(controls: Controls, steps: list[LoadStep]) -> tuple[str, ...]:
