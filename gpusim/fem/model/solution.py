@@ -109,7 +109,7 @@ class Solution:
         they differ by is that, what has been dissipated, and what heat has done.
     unknowns : free degrees of freedom, less those that constraints give up. message : why the solve
         ended. warnings : what a reader should know (dangling nodes). timings : seconds per part.
-        backend, real, method, element_classes, row_classes : how it was computed. reasons : the
+        backend, real, method, element_classes : how it was computed. reasons : the
         solver's choices and why, one a line. model : what was solved; None where nobody said it.
         steps : of a nonlinear analysis, in their order; u and reactions are those of the last one.
 
@@ -139,7 +139,6 @@ class Solution:
     real: str
     method: str
     element_classes: int
-    row_classes: int
     reasons: tuple[str, ...] = ()
     model: Model | None = None
     steps: tuple[LoadStep, ...] = ()

@@ -68,7 +68,6 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
         backend="numpy",
         real="f64",
         element_classes=model.mesh.cell_count,
-        row_classes=model.mesh.node_count,
         reasons=reasons,
         model=model,
     )

@@ -141,7 +141,7 @@ class Stress:
 
     def of_material(self, number: int) -> Float:
         """(N,6) averages over the cells of one material, NaN at nodes that it doesn't reach."""
-        result = np.full_like(self.nodal, np.nan)
+        result = np.full((self.node_count, 6), np.nan)
         mine = self.material_of == number
         result[self.node_of[mine]] = self.values[mine]
         return result
