@@ -83,9 +83,9 @@ def solve(
     InputError
         A wrong argument; supports and constraints that leave a rigid-body motion free (named).
     NotConverged
-        Values that aren't finite, negative curvature, or a matrix that rounding made indefinite;
-        no equilibrium at the first load step. One that is missing later ends the analysis: the
-        solution has the steps before it, ``converged`` is False and ``message`` says why.
+        Values that aren't finite, a matrix that rounding made indefinite, or no equilibrium at the
+        first load step. One that is missing later ends the analysis: the solution has the steps
+        before it, ``converged`` is False and ``message`` says why.
         Running out of iterations or stagnating isn't raised: ``Solution.converged`` tells it.
     OutOfDeviceMemory
         The device can't hold the model; refused before anything is allocated there.
@@ -105,10 +105,9 @@ def solve(
     ['0.391', '0.582']
     """
     require(isinstance(model, Model), "solve model", type(model).__name__, "a Model")
-    known = isinstance(device, Device | None)
-    require(known, "solve device", repr(device), "a Device, or None")
-    told = progress is None or callable(progress)
-    require(told, "solve progress", repr(progress), "a function, or None")
+    require(isinstance(device, Device | None), "solve device", repr(device), "a Device, or None")
+    called = progress is None or callable(progress)
+    require(called, "solve progress", repr(progress), "a function, or None")
     targets = _targets(model, geometry, factors, start)
     keep_freed_memory()
     most = None if max_iterations is None else int(max_iterations)
