@@ -139,7 +139,7 @@ def error_left(steps: Sequence[float], forcing: float) -> float:
     doesn't shrink, tells nothing. The worse of two counts: steps may be small by turns."""
     shrink = max((after / before for before, after in pairwise(steps[-3:])), default=1.0)
     if not shrink < 0.5:
-        return steps[-1]
+        return max(steps[:-3:-1])
     return steps[-1] * max(shrink / (1.0 - shrink), forcing)
 
 
