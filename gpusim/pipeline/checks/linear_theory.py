@@ -32,8 +32,7 @@ class LinearError:
     """Of one body, in the frame in which linear theory is off most.
 
     ``turn``: greatest rotation (rad); ``moved``: greatest displacement (m) by linear theory;
-    ``share``: what an exact solution would have of it, about; ``longer``: the strain by which the
-    linear solution is too long, over the body, about; ``reach``: how much displacements
+    ``share``: what an exact solution would have of it, about; ``reach``: how much displacements
     differ over the body, ``size`` its diagonal (m).
     """
 
@@ -42,7 +41,6 @@ class LinearError:
     turn: float
     moved: float
     share: float
-    longer: float
     reach: float
     size: float
 
@@ -65,35 +63,31 @@ class LinearError:
         way = "too large" if off > 0.0 else "too small"
         return f"displacements are about {1e3 * abs(off):.2g} mm ({100 * self.off:.2g} %) {way}"
 
-    @property
-    def doubtful(self) -> str:
-        """A question where displacements by linear theory are larger than the body, else ""."""
-        if self.reach <= self.size:
+    def _question(self, limit: float) -> str:
+        """Where displacements are larger than this share of the body, else ""."""
+        if self.reach <= limit * self.size:
             return ""
         return (
             f"by linear theory displacements differ by {1e3 * self.reach:.3g} mm in frame "
             f"{self.frame}, {100 * self.reach / self.size:.3g} % of its size: are units, loads and "
-            'moduli meant so? Then say [analysis] geometry = "nonlinear"'
+            "moduli meant so? "
         )
+
+    @property
+    def doubtful(self) -> str:
+        """A question where displacements are larger than the body, else ""."""
+        question = self._question(1.0)
+        return question and f'{question}Then say [analysis] geometry = "nonlinear"'
 
     @property
     def warning(self) -> str:
         """A sentence where it matters, else ""."""
-        text = f"body {self.body!r}: "
-        large = not self.reach <= LARGE * self.size
-        if large:
-            text += (
-                f"displacements differ by {1e3 * self.reach:.3g} mm in frame {self.frame}, "
-                f"{100 * self.reach / self.size:.3g} % of its size; linear statics holds for small "
-                "ones only: are units, loads and moduli meant so? It "
-            )
-        elif not self.off > TOLD:
+        question = self._question(LARGE)
+        if not (question or self.off > TOLD):
             return ""
-        return (
-            f"{text}turns by up to {np.degrees(self.turn):.3g} degrees in frame {self.frame}; by "
-            f"linear statics its {self._off}, of {1e3 * self.moved:.4g} mm, and it gets about "
-            f"{1e3 * self.longer * self.size:.2g} mm too long"
-        )
+        turn = f"it turns by up to {np.degrees(self.turn):.3g} degrees in frame {self.frame}"
+        off = f"by linear statics its {self._off}, of {1e3 * self.moved:.4g} mm"
+        return f"body {self.body!r}: {question}{turn}; {off}"
 
 
 def linear_error(objects: MovingBodies, number: int, model: Model) -> LinearError:
@@ -120,16 +114,14 @@ def _extreme_frames(objects: MovingBodies, number: int) -> list[int]:
 def _in_frame(objects: MovingBodies, number: int, model: Model, frame: int) -> LinearError:
     parts, u = objects.bodies[number], objects.displacement(number, frame)
     turn = float(np.linalg.norm(cell_rotations(parts.mesh, u), axis=1).max(initial=0.0))
-    share, longer = 1.0, 0.0
-    if turn > SMALL_TURN:
-        share, longer = _second_order(parts.body, model, frame, u)
+    share = _second_order(parts.body, model, frame, u) if turn > SMALL_TURN else 1.0
     reach = float(np.linalg.norm(np.ptp(u, axis=0)))
     size = float(np.linalg.norm(np.ptp(parts.mesh.points, axis=0)))
     moved = float(np.linalg.norm(u, axis=1).max(initial=0.0))
-    return LinearError(parts.body.name, frame, turn, moved, share, longer, reach, size)
+    return LinearError(parts.body.name, frame, turn, moved, share, reach, size)
 
 
-def _second_order(body: m.Body, model: Model, frame: int, u: Float) -> tuple[float, float]:
+def _second_order(body: m.Body, model: Model, frame: int, u: Float) -> float:
     forced = any(isinstance(load, FORCES) and load.amplitude[frame] for load in body.loads)
     change = temperature(body, frame) or None
     return second_order(model, u, body.formulation, forced=forced, temperature=change)

@@ -19,10 +19,10 @@ from gpusim.fem.recovery.linear_theory import stretching
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
-from gpusim.motion import Motion, State, Stepped, Superposed
+from gpusim.motion import State, Stepped, Superposed
 from gpusim.pipeline.checks.linear_theory import LinearError, linear_error
 from gpusim.pipeline.notes import notes_of
-from gpusim.pipeline.scene_objects.load_steps import STEPS, step_arrays, stepped_motion
+from gpusim.pipeline.scene_objects.load_steps import STEPS, step_arrays
 from gpusim.pipeline.scene_objects.modelling import BodyModel
 from gpusim.pipeline.scene_objects.moving_bodies import MovingBodies, moving_bodies
 from gpusim.pipeline.scene_objects.solution import SceneSolution, support_forces
@@ -96,17 +96,6 @@ def equilibria(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     iterations = sum(row.iterations for row in rows)
     words = f"{len(rows)} load steps, {iterations} iterations" if rows else "linear theory will do"
     return StageResult({STEPS: partial(save_arrays, arrays)} if arrays else {}, notes, words)
-
-
-def motion(scene: Scene, inputs: Inputs, session: Session) -> Motion:
-    """Of one body: its equilibria, or its load cases superposed."""
-    number, name = inputs.row
-    (said,) = inputs.notes("equilibria")
-    if name not in said["forces"]:
-        solved: SceneSolution = inputs["solution"]
-        return solved.superposed(number)
-    with np.load(inputs.read("equilibria", STEPS).stream(), allow_pickle=False) as stored:
-        return stepped_motion(stored, number)
 
 
 def _linear_error(

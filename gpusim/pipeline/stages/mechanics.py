@@ -20,10 +20,10 @@ from gpusim.files.input_file import open_input
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
-from gpusim.motion import Given, Stepped, Superposed
+from gpusim.motion import Given, Motion, Stepped
 from gpusim.pipeline.checks.resources import check_field
 from gpusim.pipeline.notes import Notes
-from gpusim.pipeline.scene_objects.load_steps import FIELDS, STEPS, step_fields
+from gpusim.pipeline.scene_objects.load_steps import FIELDS, STEPS, step_fields, stepped_motion
 from gpusim.pipeline.scene_objects.modelling import (
     BodyModel,
     build_model,
@@ -73,10 +73,14 @@ def solution(scene: Scene, inputs: Inputs, session: Session) -> SceneSolution:
         return SceneSolution.from_arrays(stored)
 
 
-def superposed(scene: Scene, inputs: Inputs, session: Session) -> Superposed:
-    """The motion of one body."""
+def motion(scene: Scene, inputs: Inputs, session: Session) -> Motion:
+    """Of one body: its equilibria, or its load cases superposed."""
+    number, name = inputs.row
+    if inputs.has("equilibria") and name in inputs.notes("equilibria")[0]["forces"]:
+        with np.load(inputs.read("equilibria", STEPS).stream(), allow_pickle=False) as stored:
+            return stepped_motion(stored, number)
     solved: SceneSolution = inputs["solution"]
-    return solved.superposed(inputs.row)
+    return solved.superposed(number)
 
 
 def given(scene: Scene, inputs: Inputs, session: Session) -> Given:
