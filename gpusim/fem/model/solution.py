@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -70,21 +69,6 @@ class LoadStep:
     def strain_energy(self) -> float:
         """What the laws store; NaN where a law doesn't tell it, and without stress."""
         return np.nan if self.stress is None else self.stress.strain_energy
-
-
-def load_path_results(steps: Sequence[LoadStep], last: LoadStep) -> dict[str, Any]:
-    """What a `Solution` has of load ``steps`` that end with, or after, the ``last`` one."""
-    every = [one for step in steps for one in step.iterations]
-    return {
-        "u": last.u,
-        "reactions": last.reactions,
-        "error_estimate": max((step.error_estimate for step in steps), default=1.0),
-        "iterations": sum(one.solver_iterations for one in every),
-        "residuals": np.array([[one.residual] for one in last.iterations]),
-        "strain_energy": np.array([last.strain_energy]),
-        "external_work": np.array([last.external_work]),
-        "steps": tuple(steps),
-    }
 
 
 @dataclass(frozen=True, eq=False)

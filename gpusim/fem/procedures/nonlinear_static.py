@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from gpusim.fem.linear.solve_plan import Options
 from gpusim.fem.linear.tangent_solver import TangentSolver
 from gpusim.fem.materials.law import Law
 from gpusim.fem.model.model import Model
-from gpusim.fem.model.solution import LoadStep, Solution, load_path_results
+from gpusim.fem.model.solution import LoadStep, Solution
 from gpusim.fem.procedures.load_steps import load_steps
 from gpusim.fem.procedures.newton import Controls
 from gpusim.fem.recovery.cauchy_stress import cauchy_stress
@@ -55,14 +56,13 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
         message = str(error)
     options.clock.mark("load steps")
     steps = _with_work(model, steps)
-    last = steps[-1]
     reasons = () if solver.plan is None else solver.plan.lines
     return Solution(
-        **load_path_results(steps, last),
+        **path_results(steps, steps[-1]),
         converged=message == "converged",
         unknowns=int(equation.unknown.sum()),
         message=message,
-        warnings=(*_strain_warning(equation, last.u), *_stability_warning(controls, steps)),
+        warnings=(*_strain_warning(equation, steps[-1].u), *_stability_warning(controls, steps)),
         timings=options.clock.timings,
         method="newton",
         backend="numpy",
@@ -72,6 +72,21 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
         reasons=reasons,
         model=model,
     )
+
+
+def path_results(steps: Sequence[LoadStep], last: LoadStep) -> dict[str, Any]:
+    """What a `Solution` has of its load ``steps`` and of the ``last`` one that was found."""
+    every = [one for step in steps for one in step.iterations]
+    return {
+        "steps": tuple(steps),
+        "u": last.u,
+        "reactions": last.reactions,
+        "error_estimate": max((step.error_estimate for step in steps), default=1.0),
+        "iterations": sum(one.solver_iterations for one in every),
+        "residuals": np.array([[one.residual] for one in last.iterations]),
+        "strain_energy": np.array([last.strain_energy]),
+        "external_work": np.array([last.external_work]),
+    }
 
 
 def _stability_warning(controls: Controls, steps: list[LoadStep]) -> tuple[str, ...]:
