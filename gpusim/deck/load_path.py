@@ -15,7 +15,7 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.deck.step import Step
 from gpusim.fem import Solution
-from gpusim.fem.procedures.nonlinear_static import path_results
+from gpusim.fem.model.solution import load_path_results
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +49,6 @@ class LoadPath:
             own, last = whole.steps[first:last], min(last, len(whole.steps))
             complete = bool(sum(one.wanted for one in own) == end - begin)
             message = "converged" if complete else whole.message
-            results = path_results(own, whole.steps[last - 1])
-            found.append(replace(whole, **results, converged=complete, message=message))
+            results = load_path_results(own, whole.steps[last - 1])
+            found.append(replace(whole, converged=complete, message=message, **results))
         return tuple(found)

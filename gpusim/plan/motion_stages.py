@@ -51,7 +51,10 @@ def _equilibria(build: StageBuilder) -> Iterator[Stage]:
     that linear theory is too far off for."""
     needs: Needs = build.of_bodies("mesh") | build.of_bodies("model") | {"solution": first}
     loads = [one._replace(time=None, shown=Shown(one.shown.states)) for one in build.frames]
-    row = [build.scene.analysis.geometry, loads]
+    # stress that will be looked at: of each frame, or in the picture of the last one
+    moved = [one.number for one in build.frames if not one.shown.unloaded]
+    stressed = moved if build.scene.output.stress else moved[-1:]
+    row = [build.scene.analysis.geometry, loads, stressed]
     yield build.stage("equilibria", "equilibria:equilibria", ["solver", "body.*.mechanics"], needs,
                       [row], "solve", keeps=True, on_device=True)  # fmt: skip
     for number, name in enumerate(build.bodies):

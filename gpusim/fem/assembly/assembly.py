@@ -68,7 +68,7 @@ def assemble(
 
 def assemble_groups(groups: Sequence[Elements], count: int) -> BlockRows:
     """Block rows of elements of any kind on ``count`` nodes."""
-    pattern = NodeGraph(groups, count)
+    pattern = NodeGraph([group.cells for group in groups], count)
     classes = sum(group.distinct for group in groups)
     elements = sum(len(group.cells) for group in groups)
     shared = [group for group in groups if isinstance(group, Group)]
@@ -82,7 +82,7 @@ def group_matrix(groups: Sequence[Elements], count: int) -> bsr_matrix:
 
     For coarse levels, where fixed unknowns are left out and rows don't add up to zero.
     """
-    start, column, data = NodeGraph(groups, count).with_diagonal(groups)
+    start, column, data = NodeGraph([group.cells for group in groups], count).with_diagonal(groups)
     return bsr_matrix((data, column, start), shape=(3 * count, 3 * count))
 
 

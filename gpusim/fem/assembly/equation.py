@@ -7,14 +7,16 @@ is held than is worked on.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
+from scipy.sparse import csr_matrix, diags
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.fem.assembly.assembly import Assembled
-from gpusim.fem.assembly.element_batches import Elements, pair_blocks
+from gpusim.fem.assembly.element_batches import pair_blocks
 from gpusim.fem.assembly.element_responses import free_strain
 from gpusim.fem.assembly.node_graph import NodeGraph
 from gpusim.fem.elements.element_response import ElementResponse, Internal, Want
@@ -28,48 +30,22 @@ from gpusim.parallel.threads import shared
 
 # elements that answer at a time
 _PORTION = 512
+# of the stiffness of loads: skew parts that cancel between faces leave less
+_ROUNDING = 1e-10
 
 
-@dataclass(eq=False)
-class TangentElements:
-    """The elements of a ``response`` as assembly takes them, with their matrices at ``u`` (N,3)."""
+@dataclass(frozen=True, eq=False)
+class FormedElements:
+    """Elements as assembly takes them, whose matrices (m,3k,3k) ``at`` forms when asked for."""
 
-    response: ElementResponse
-    u: Float
-    want: Want = Want.TANGENT
-    forces: Float = field(init=False)
+    name: str
+    cells: Int
+    at: Callable[[Long], Float]
 
-    def __post_init__(self) -> None:
-        self.name, self.cells = self.response.name, self.response.cells
-        self.distinct = len(self.cells)
-        self.forces = np.zeros((len(self.cells), 3 * self.cells.shape[1]))
-
-    def at(self, which: Long) -> Float:
-        """(m,3k,3k) matrices of the elements ``which``."""
-        self.forces[which], matrices = self.response.response(which, self.u, self.want)
-        assert matrices is not None
-        return matrices
-
-    def blocks(self, which: Long, diagonal: bool) -> tuple[Float, Float | None]:
-        """As those of a ``Group``."""
-        return pair_blocks(self.at(which), diagonal)
-
-
-@dataclass(eq=False)
-class PressedElements:
-    """Pressed ``faces``, with the stiffness of their load times ``factor`` at ``points`` (N,3)."""
-
-    faces: PressedFaces
-    points: Float
-    factor: float = 1.0
-
-    def __post_init__(self) -> None:
-        self.name, self.cells = self.faces.name, self.faces.cells
-        self.distinct = len(self.cells)
-
-    def at(self, which: Long) -> Float:
-        """(m,3k,3k) matrices of the faces ``which``."""
-        return self.factor * self.faces.stiffness(which, self.points)
+    @property
+    def distinct(self) -> int:
+        """As many as there are elements."""
+        return len(self.cells)
 
     def blocks(self, which: Long, diagonal: bool) -> tuple[Float, Float | None]:
         """As those of a ``Group``."""
@@ -79,12 +55,14 @@ class PressedElements:
 @dataclass(frozen=True, eq=False)
 class Tangent:
     """Of the displacements ``u`` (N,3) at ``factors`` (L,): the ``residual`` (N,3), external less
-    internal forces, and the stiffness ``assembled``."""
+    internal forces, the symmetric part of the stiffness ``assembled``, and its ``skew`` part
+    (3N,3N) on what is solved for, None where loads have a potential."""
 
     u: Float
     factors: Float
     residual: Float
     assembled: Assembled
+    skew: csr_matrix | None
 
 
 class Equation:
@@ -100,14 +78,10 @@ class Equation:
         self.free = ~model.fixed
         self.free[model.mesh.dangling_nodes] = False
         self.elimination = eliminate(model)
-        zero = np.zeros((count, 3))
-        self._elements = [TangentElements(one, zero) for one in responses]
-        self._pressed = [
-            (load.case, PressedElements(part, zero)) for load in model.loads for part in load.parts
-        ]
+        self._pressed = [(load.case, part) for load in model.loads for part in load.parts]
         self._warmed = np.full(len(model.load_cases), np.nan)
-        self._filling: list[Elements] = [*self._elements, *(faces for _, faces in self._pressed)]
-        self._graph = NodeGraph(self._filling, count)
+        cells = [one.cells for one in responses]
+        self._graph = NodeGraph([*cells, *(faces.cells for _, faces in self._pressed)], count)
 
     def _warm(self, factors: Float) -> None:
         """Temperatures of the points at ``factors`` (L,)."""
@@ -180,17 +154,44 @@ class Equation:
         """Residual forces and the tangent at ``u``, or the tangent's material part, which is
         definite: without the stiffness of loads."""
         self._warm(factors)
-        for elements in self._elements:
-            elements.u, elements.want = u, want
+        residual, points = self.external(u, factors), self.model.mesh.points + u
+        forces = [np.zeros((*one.cells.shape, 3)) for one in self.responses]
+        elements = [
+            FormedElements(one.name, one.cells, partial(_tangents, one, u, want, into))
+            for one, into in zip(self.responses, forces, strict=True)
+        ]
+        acting = np.zeros_like(factors) if want is Want.MATERIAL else factors
+        pressed = [
+            FormedElements(one.name, one.cells, partial(_symmetric, one, points, acting[case]))
+            for case, one in self._pressed
+        ]
+        rows = self._graph.fill([*elements, *pressed])
+        for one, of_cells in zip(elements, forces, strict=True):
+            add_to(residual, one.cells, -of_cells)
+        skew = self.skew_stiffness(u, acting)
+        return Tangent(u, factors, residual, Assembled(rows, elements, None), skew)
+
+    def skew_stiffness(self, u: Float, factors: Float) -> csr_matrix | None:
+        """(3N,3N) on what is solved for, of the loads that follow; None where they have a
+        potential: it comes from free edges of what is pressed."""
+        if not self._pressed:
+            return None
+        points, whole = self.model.mesh.points + u, csr_matrix((u.size, u.size))
         for case, faces in self._pressed:
-            faces.points = self.model.mesh.points + u
-            faces.factor = 0.0 if want is Want.MATERIAL else float(factors[case])
-        rows = self._graph.fill(self._filling)
-        residual = self.external(u, factors)
-        for elements in self._elements:
-            forces = elements.forces.reshape(*elements.cells.shape, 3)
-            add_to(residual, elements.cells, -forces)
-        return Tangent(u, factors, residual, Assembled(rows, list(self._elements), None))
+            count = len(faces.cells)
+            matrices = factors[case] * faces.stiffness(np.arange(count), points)
+            unknowns = (3 * faces.cells[..., None] + np.arange(3)).reshape(count, -1)
+            rows, columns = np.broadcast_arrays(unknowns[:, :, None], unknowns[:, None])
+            data = matrices.ravel(), (rows.ravel(), columns.ravel())
+            whole = csr_matrix(whole + csr_matrix(data, shape=whole.shape))
+        skew = 0.5 * (whole - whole.T)
+        if self.elimination is not None:
+            skew = self.elimination.matrix.T @ skew @ self.elimination.matrix
+        solved = diags(self.unknown.ravel().astype(np.float64))
+        skew = csr_matrix(solved @ skew @ solved)
+        skew.data[np.abs(skew.data) <= _ROUNDING * abs(whole).max()] = 0.0
+        skew.eliminate_zeros()
+        return skew if skew.nnz else None
 
     def advance(self, u: Float, du: Float, foretell: bool) -> None:
         """The elements' own unknowns follow a step ``du`` (N,3) from ``u``."""
@@ -200,6 +201,17 @@ class Equation:
                 response.advance(which, u, du, foretell)
 
             shared(move, portions(one.cells))
+
+    def work_left(self, tangent: Tangent, du: Float) -> float:
+        """What is gained by going on along the last step ``du`` (N,3), per share of it, at the
+        ``tangent`` that was asked for last; less than nothing where it has gone too far."""
+        left = float(np.vdot(du, self.unbalanced(tangent.residual)))
+        return left - sum(one.work_of_modes(du) for one in self.responses)
+
+    def shorten(self, share: float) -> None:
+        """Of the last step only this share is made."""
+        for one in self.responses:
+            one.shorten(share)
 
     def forget_foretold(self) -> None:
         """Tangents take stresses of the state itself from now on."""
@@ -221,6 +233,20 @@ class Equation:
             self.internal(u, factors)
         for one in self.responses:
             one.commit(u)
+
+
+def _tangents(response: ElementResponse, u: Float, want: Want, forces: Float, which: Long) -> Float:
+    """(m,3k,3k) matrices of some elements; their forces go to ``forces`` (M,k,3)."""
+    found, matrices = response.response(which, u, want)
+    forces[which] = found.reshape(len(which), -1, 3)
+    assert matrices is not None
+    return matrices
+
+
+def _symmetric(faces: PressedFaces, points: Float, factor: float, which: Long) -> Float:
+    """(m,3k,3k) symmetric parts of the stiffness of some faces, times ``factor``."""
+    whole = factor * faces.stiffness(which, points)
+    return np.asarray(0.5 * (whole + whole.transpose(0, 2, 1)))
 
 
 def external_forces(model: Model, u: Float, factors: Float) -> Float:

@@ -52,12 +52,12 @@ class NodeGraph:
     element, by pair (a,b) of its nodes and then by element. ``start`` (N+1,) int64 and
     ``neighbour`` int32: every edge from either end, neighbours ascending.
 
-    It knows cells and no matrices: it is made once, and filled with any ``groups`` of the same
-    cells as often as their matrices change."""
+    It knows ``cells`` (M,k) kind by kind and no matrices: it is made once, and filled with any
+    groups of the same cells as often as their matrices change."""
 
-    def __init__(self, groups: Sequence[Elements], count: int) -> None:
-        self.count, self._cells = count, [group.cells for group in groups]
-        self._sizes = [cells.shape[1] * (cells.shape[1] - 1) // 2 for cells in self._cells]
+    def __init__(self, cells: Sequence[Int], count: int) -> None:
+        self.count, self._cells = count, cells
+        self._sizes = [one.shape[1] * (one.shape[1] - 1) // 2 for one in cells]
         row, column, pair = self._sorted_pairs()
         new = np.empty(len(pair), dtype=bool)
         new[:1] = True

@@ -144,6 +144,14 @@ class ElementResponse(ABC):
         internal modes. ``foretell``: the geometric part of the next tangent takes the stresses
         foretold by the linear part of the step; laws with a history foretell nothing."""
 
+    def work_of_modes(self, du: Float) -> float:
+        """Of the internal forces along the last step, ``du`` (N,3) or a share of it, what those at
+        the nodes leave out: the forces on internal modes, which condensation has moved there."""
+        return 0.0
+
+    def shorten(self, share: float) -> None:  # noqa: B027  most have no internal modes
+        """Of the last step only this share is made: internal modes go back."""
+
     @abstractmethod
     def point_values(self, which: Long, u: Float) -> PointValues:
         """Stress and strain at the points, of the committed state."""

@@ -6,30 +6,37 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from gpusim.arrays.array_types import Float
+from gpusim.arrays.unique import noise
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.assembly import Assembled
 from gpusim.fem.assembly.equation import Equation, Tangent
 from gpusim.fem.assembly.reduced_system import reduced_system
 from gpusim.fem.assembly.system import System, finest_product, scaled_system
 from gpusim.fem.elements.element_response import Want
+from gpusim.fem.krylov.cg import Preconditioner
+from gpusim.fem.krylov.gmres import gmres
 from gpusim.fem.krylov.minimum_residual import minimum_residual
 from gpusim.fem.krylov.truncated_cg import truncated_cg
 from gpusim.fem.linear.direct_solver import DirectSolver
 from gpusim.fem.linear.multigrid_solver import MultigridSolver
 from gpusim.fem.linear.solve_plan import Options, SolvePlan, plan_solve
 
+Apply = Callable[[Float], Float]
+
 # share of the motion below which a step leaves factors and levels as they are
 _NEAR = 0.01
-# iterations beyond which that wasn't worth it, and the next tangent gets its own
-_MANY = 20
+# share of random forces down to which negative directions are looked for: one column of thirty is
+# seen to buckle from 1.002 of its critical load on, with the others at 0.7 of it
+_LOOK = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Correction:
     """``du`` (L,N,3), prescribed displacements included, after so many ``iterations``;
-    ``definite``: the tangent was positive definite."""
+    ``definite``: the tangent's symmetric part was positive definite."""
 
     du: Float
     iterations: int
@@ -42,7 +49,7 @@ class TangentSolver:
     Factors or levels are made anew after steps that are more than a hundredth of the motion. Where
     a tangent is indefinite the preconditioner is made of its material part, which isn't, and
     minimum residuals take over from conjugate gradients (Paige & Saunders, SIAM J. Numer. Anal. 12
-    (1975) 617).
+    (1975) 617). One with a skew part is solved by generalised ones, preconditioned alike.
     """
 
     def __init__(self, equation: Equation, options: Options) -> None:
@@ -66,20 +73,40 @@ class TangentSolver:
         if not system.right.any():
             return self._whole(np.zeros_like(system.right), 0, system, True)
         right = system.right.reshape(len(system.right), -1)
-        apply, found = _product(assembled, system), None
+        apply, found = _product(assembled, system, tangent.skew), None
         if self._indefinite is not tangent:
             if self._taken is None or not _near(tangent.u, self._taken):
                 self._take(tangent, assembled, system)
             if self._taken is not None and self._solver is not None:
-                found = truncated_cg(apply, self._solver.preconditioner, right, forcing)
+                near = self._solver.preconditioner
+                if tangent.skew is None:
+                    found = truncated_cg(apply, near, right, forcing)
+                else:
+                    found = _one_by_one(gmres, apply, near, right, forcing)
         if found is not None:
-            if found[1] > _MANY:
-                self._taken = None
+            if self._solver is not None and found[1] > self._solver.update_cost:
+                self._taken = None  # that wasn't worth it: the next tangent gets its own
             return self._whole(*found, system, True)
         definite = self._definite(tangent, forces, given).preconditioner
-        steps = [minimum_residual(apply, definite.apply, one[None], forcing) for one in right]
-        x = np.concatenate([step for step, _ in steps])
-        return self._whole(x, sum(count for _, count in steps), system, False)
+        minimise = minimum_residual if tangent.skew is None else gmres
+        found = _one_by_one(minimise, apply, definite, right, forcing)
+        return self._whole(*found, system, False)
+
+    def definite(self, tangent: Tangent) -> bool:
+        """Whether the symmetric part of a tangent that has been solved is positive definite.
+
+        Residuals may hardly hold the mode in which it isn't, as those of a straight column. Here
+        conjugate gradients begin with forces that hold every mode, and it is the softest ones that
+        they meet first.
+        """
+        if self._solver is None:
+            # nothing has moved
+            return True
+        still = np.zeros((1, *tangent.u.shape))
+        assembled, system = self._system(tangent, still, still)
+        every = np.where(system.free.ravel(), noise(still.size, 13), 0.0)[None]
+        preconditioner = self._solver.preconditioner
+        return truncated_cg(_product(assembled, system), preconditioner, every, _LOOK) is not None
 
     def _system(self, tangent: Tangent, forces: Float, given: Float) -> tuple[Assembled, System]:
         """What is solved, less what constraints give up."""
@@ -135,10 +162,25 @@ class TangentSolver:
         return Correction(whole, iterations, definite)
 
 
-def _product(assembled: Assembled, system: System) -> Callable[[Float], Float]:
-    """x (L,n) -> K x on the free unknowns."""
+def _product(assembled: Assembled, system: System, skew: csr_matrix | None = None) -> Apply:
+    """x (L,n) -> K x on the free unknowns, K with a ``skew`` part if there is one."""
     product, free = finest_product(assembled.rows, system), system.free.ravel()
-    return lambda x: np.where(free, product(x), 0.0)
+    if skew is None:
+        return lambda x: np.where(free, product(x), 0.0)
+    # vectors are rows; minus: the transpose of a skew matrix
+    return lambda x: np.where(free, product(x) - x @ skew / system.scale, 0.0)
+
+
+def _one_by_one(
+    minimise: Callable[[Apply, Apply, Float, float], tuple[Float, int]],
+    apply: Apply,
+    preconditioner: Preconditioner,
+    right: Float,
+    forcing: float,
+) -> tuple[Float, int]:
+    """Each right-hand side of (L,n) by itself, and the iterations of all."""
+    found = [minimise(apply, preconditioner.apply, one[None], forcing) for one in right]
+    return np.concatenate([x for x, _ in found]), sum(count for _, count in found)
 
 
 def _near(u: Float, taken: Float) -> bool:

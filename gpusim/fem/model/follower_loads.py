@@ -21,9 +21,9 @@ class FollowerPressure:
     """Pressure ``value`` (positive pushes into the body) that stays normal to the deformed
     ``faces``, in load case ``case`` of a model; for ``Model(..., loads=[...])``.
 
-    Its stiffness counts as far as it is symmetric: all of it where the pressed faces are closed or
-    end at supports, so that the pressure has a potential (Schweizerhof & Ramm, Comput. Struct. 18
-    (1984) 1099). In linear statics it is the `gpusim.fem.pressure` of the undeformed faces.
+    Where the pressed faces are closed or end at supports it has a potential, and its stiffness is
+    symmetric (Schweizerhof & Ramm, Comput. Struct. 18 (1984) 1099). In linear statics it is the
+    `gpusim.fem.pressure` of the undeformed faces.
     ``count``: integration points of a face, for comparison with other programs; None: as there.
 
     Examples
@@ -89,7 +89,7 @@ class PressedFaces:
         return np.asarray(-self.value * np.matmul(self.element.shape.T, area))
 
     def stiffness(self, which: Long, points: Float) -> Float:
-        """(m,3n,3n): minus the derivative of the forces of some faces, its symmetric part.
+        """(m,3n,3n): minus the derivative of the forces of some faces.
 
         With tangents x_1, x_2 a node's motion v changes the area vector by N_1 v x x_2 + N_2 x_1 x
         v.
@@ -108,5 +108,4 @@ class PressedFaces:
         share = element.shape * element.weight[:, None]
         matrix = self.value * np.einsum("qa,mqbij->maibj", share, change, optimize=True)
         width = 3 * self.cells.shape[1]
-        matrix = matrix.reshape(len(which), width, width)
-        return np.asarray(0.5 * (matrix + matrix.transpose(0, 2, 1)))
+        return np.asarray(matrix.reshape(len(which), width, width))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -71,6 +72,21 @@ class LoadStep:
         return np.nan if self.stress is None else self.stress.strain_energy
 
 
+def load_path_results(steps: Sequence[LoadStep], last: LoadStep) -> dict[str, Any]:
+    """What a `Solution` has of load ``steps`` that end with, or after, the ``last`` one."""
+    every = [one for step in steps for one in step.iterations]
+    return {
+        "u": last.u,
+        "reactions": last.reactions,
+        "error_estimate": max((step.error_estimate for step in steps), default=1.0),
+        "iterations": sum(one.solver_iterations for one in every),
+        "residuals": np.array([[one.residual] for one in last.iterations]),
+        "strain_energy": np.array([last.strain_energy]),
+        "external_work": np.array([last.external_work]),
+        "steps": tuple(steps),
+    }
+
+
 @dataclass(frozen=True, eq=False)
 class Solution:
     """Displacements and how far they can be trusted; units are the model's.
@@ -93,7 +109,7 @@ class Solution:
         they differ by is that, what has been dissipated, and what heat has done.
     unknowns : free degrees of freedom, less those that constraints give up. message : why the solve
         ended. warnings : what a reader should know (dangling nodes). timings : seconds per part.
-        backend, real, method, element_classes, row_classes : how it was computed. reasons : the
+        backend, real, method, element_classes : how it was computed. reasons : the
         solver's choices and why, one a line. model : what was solved; None where nobody said it.
         steps : of a nonlinear analysis, in their order; u and reactions are those of the last one.
 
@@ -123,7 +139,6 @@ class Solution:
     real: str
     method: str
     element_classes: int
-    row_classes: int
     reasons: tuple[str, ...] = ()
     model: Model | None = None
     steps: tuple[LoadStep, ...] = ()

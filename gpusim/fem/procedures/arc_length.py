@@ -15,8 +15,8 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
-from gpusim.fem.assembly.equation import Equation
-from gpusim.fem.linear.tangent_solver import TangentSolver
+from gpusim.fem.assembly.equation import Equation, Tangent
+from gpusim.fem.linear.tangent_solver import Correction, TangentSolver
 from gpusim.fem.model.solution import Iteration
 from gpusim.fem.procedures.newton import Controls, error_left
 
@@ -62,13 +62,14 @@ def follow_path(
     The elements are committed at each equilibrium before that: what lies beyond the end is nothing
     that they have been through. Raises NotConverged where steps become too small, or are too many.
     """
+    branch = _Branch(equation, solver, path, controls)
     u, s = start.u, start.s
     before: Float | None = None
     cuts = 0
     for _ in range(_MOST_STEPS):
         begun = equation.snapshot()
         try:
-            du, ds, iterations = _step(equation, solver, path, (u, s), before, length, controls)
+            du, ds, iterations = branch.step(u, s, before, length)
         except NotConverged as error:
             equation.restore(begun)
             cuts, length = cuts + 1, 0.5 * length
@@ -77,70 +78,76 @@ def follow_path(
             continue
         if s + ds >= 1.0:
             equation.restore(begun)
-            yield PathPoint(s + ds, u + (1.0 - s) / ds * du, tuple(iterations))
+            yield PathPoint(s + ds, u + (1.0 - s) / ds * du, iterations)
             return
         u, s, before, cuts = u + du, s + ds, du, 0
         equation.commit(u, path.factors(s))
-        yield PathPoint(s, u, tuple(iterations))
+        yield PathPoint(s, u, iterations)
         change = np.sqrt(_WANTED / len(iterations))
         length *= float(np.clip(change, 1.0 / _CHANGE, _CHANGE))
     raise NotConverged(f"by arc length: got {_MOST_STEPS} steps; expected fewer")
 
 
-def _step(
-    equation: Equation,
-    solver: TangentSolver,
-    path: LoadPath,
-    state: tuple[Float, float],
-    before: Float | None,
-    length: float,
-    controls: Controls,
-) -> tuple[Float, float, list[Iteration]]:
-    """Displacements (N,3) and share of the load that lead to the next equilibrium."""
-    u, s = state
-    equation.forget_foretold()
-    residual, load, _ = _solved(equation, solver, path, u, s, controls)
-    ds = length / float(np.linalg.norm(load))
-    if before is not None and float(np.vdot(before, load)) < 0.0:
-        ds = -ds
-    du = ds * load
-    equation.advance(u, du, foretell=False)
-    done: list[Iteration] = []
-    steps = [float(np.abs(du).max())]
-    while len(done) < _MOST:
-        residual, load, info = _solved(equation, solver, path, u + du, s + ds, controls)
-        share = _root(du, residual, load, length)
-        step = residual + share * load
-        equation.advance(u + du, step, foretell=False)
-        du, ds = du + step, ds + share
-        steps.append(float(np.abs(step).max()))
-        moved = max(float(np.abs(u + du).max()), float(np.abs(u).max()))
-        error = error_left(steps, controls.forcing) / moved
-        done.append(Iteration(steps[-1] / moved, info[0], info[1], info[2], error))
-        if error <= controls.tolerance:
-            return du, ds, done
-    raise NotConverged(
-        f"got steps of {done[-1].step:.2g} of the displacement after {_MOST} iterations"
-    )
+@dataclass(frozen=True, eq=False)
+class _Branch:
+    """Equilibria of an ``equation`` along a ``path``."""
 
+    equation: Equation
+    solver: TangentSolver
+    path: LoadPath
+    controls: Controls
 
-def _solved(
-    equation: Equation,
-    solver: TangentSolver,
-    path: LoadPath,
-    u: Float,
-    s: float,
-    controls: Controls,
-) -> tuple[Float, Float, tuple[float, int, bool]]:
-    """(N,3) answers to the residual and to the load, and what to say of them."""
-    factors = path.factors(s)
-    tangent = equation.linearised(u, factors)
-    load = equation.external(u, path.target - path.begin)
-    forces = np.stack([tangent.residual, load])
-    found = solver.correction(tangent, forces, np.zeros_like(forces), controls.forcing)
-    free = equation.unbalanced(tangent.residual)
-    relative = float(np.abs(free).max() / max(np.abs(tangent.residual).max(), np.abs(load).max()))
-    return found.du[0], found.du[1], (relative, found.iterations, found.definite)
+    def step(
+        self, u: Float, s: float, before: Float | None, length: float
+    ) -> tuple[Float, float, tuple[Iteration, ...]]:
+        """Displacements (N,3) and share of the load that lead to the next equilibrium."""
+        equation, controls = self.equation, self.controls
+        equation.forget_foretold()
+        # the residual is rounding here, and no answer to it is wanted
+        load = self._corrections(self._tangent(u, s), self._load(u)).du[0]
+        size = float(np.linalg.norm(load))
+        if size == 0.0:
+            raise NotConverged("got a step in which no load grows; expected one that does")
+        ds = length / size
+        if before is not None and float(np.vdot(before, load)) < 0.0:
+            ds = -ds
+        du = ds * load
+        equation.advance(u, du, foretell=False)
+        done: list[Iteration] = []
+        steps = [float(np.abs(du).max())]
+        while len(done) < _MOST:
+            tangent, force = self._tangent(u + du, s + ds), self._load(u + du)
+            found = self._corrections(tangent, tangent.residual, force)
+            residual, load = found.du
+            share = _root(du, residual, load, length)
+            step = residual + share * load
+            equation.advance(u + du, step, foretell=False)
+            du, ds = du + step, ds + share
+            steps.append(float(np.abs(step).max()))
+            moved = max(float(np.abs(u + du).max()), float(np.abs(u).max()))
+            error = error_left(steps, controls.forcing) / moved
+            acting = max(float(np.abs(tangent.residual).max()), float(np.abs(force).max()))
+            free = float(np.abs(equation.unbalanced(tangent.residual)).max()) / acting
+            ended = error <= controls.tolerance
+            definite = found.definite and (not ended or self.solver.definite(tangent))
+            done.append(Iteration(steps[-1] / moved, free, found.iterations, definite, error))
+            if ended:
+                return du, ds, tuple(done)
+        raise NotConverged(
+            f"got steps of {done[-1].step:.2g} of the displacement after {_MOST} iterations"
+        )
+
+    def _tangent(self, u: Float, s: float) -> Tangent:
+        return self.equation.linearised(u, self.path.factors(s))
+
+    def _load(self, u: Float) -> Float:
+        """(N,3) forces that the whole path adds."""
+        return self.equation.external(u, self.path.target - self.path.begin)
+
+    def _corrections(self, tangent: Tangent, *forces: Float) -> Correction:
+        """Answers to forces (N,3) with supports at rest."""
+        right = np.stack(forces)
+        return self.solver.correction(tangent, right, np.zeros_like(right), self.controls.forcing)
 
 
 def _root(du: Float, residual: Float, load: Float, length: float) -> float:

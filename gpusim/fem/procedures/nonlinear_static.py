@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -17,9 +16,9 @@ from gpusim.fem.linear.solve_plan import Options
 from gpusim.fem.linear.tangent_solver import TangentSolver
 from gpusim.fem.materials.law import Law
 from gpusim.fem.model.model import Model
-from gpusim.fem.model.solution import LoadStep, Solution
+from gpusim.fem.model.solution import LoadStep, Solution, load_path_results
 from gpusim.fem.procedures.load_steps import load_steps
-from gpusim.fem.procedures.newton import Controls
+from gpusim.fem.procedures.newton import Controls, Steps
 from gpusim.fem.recovery.cauchy_stress import cauchy_stress
 
 # relative accuracy of linear solutions where all laws are elastic, and where points flow
@@ -40,8 +39,8 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
     solver = TangentSolver(equation, options)
     history = any(isinstance(law, Law) and law.state_size for law in model.materials)
     forcing = _PLASTIC_FORCING if history else _FORCING
-    # loads that follow have a symmetric stiffness in part only, which tells nothing of stability
-    controls = Controls(options.tolerance, forcing, not history, not model.loads, options.progress)
+    first = Steps.SEARCHED if history else Steps.FORETOLD
+    controls = Controls(options.tolerance, forcing, first, True, options.progress)
     steps: list[LoadStep] = []
     message = "converged"
     try:
@@ -56,50 +55,45 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
         message = str(error)
     options.clock.mark("load steps")
     steps = _with_work(model, steps)
+    last = steps[-1]
     reasons = () if solver.plan is None else solver.plan.lines
     return Solution(
-        **path_results(steps, steps[-1]),
+        **load_path_results(steps, last),
         converged=message == "converged",
         unknowns=int(equation.unknown.sum()),
         message=message,
-        warnings=(*_strain_warning(equation, steps[-1].u), *_stability_warning(controls, steps)),
+        warnings=(*_strain_warning(equation, last.u), *_stability_warnings(equation, steps)),
         timings=options.clock.timings,
         method="newton",
         backend="numpy",
         real="f64",
         element_classes=model.mesh.cell_count,
-        row_classes=model.mesh.node_count,
         reasons=reasons,
         model=model,
     )
 
 
-def path_results(steps: Sequence[LoadStep], last: LoadStep) -> dict[str, Any]:
-    """What a `Solution` has of its load ``steps`` and of the ``last`` one that was found."""
-    every = [one for step in steps for one in step.iterations]
-    return {
-        "steps": tuple(steps),
-        "u": last.u,
-        "reactions": last.reactions,
-        "error_estimate": max((step.error_estimate for step in steps), default=1.0),
-        "iterations": sum(one.solver_iterations for one in every),
-        "residuals": np.array([[one.residual] for one in last.iterations]),
-        "strain_energy": np.array([last.strain_energy]),
-        "external_work": np.array([last.external_work]),
-    }
-
-
-def _stability_warning(controls: Controls, steps: list[LoadStep]) -> tuple[str, ...]:
-    """Wanted steps that end where a body wouldn't stay."""
-    wanted = [step for step in steps if step.wanted]
-    loose = [n for n, step in enumerate(wanted, 1) if not step.iterations[-1].definite]
-    if not loose or not controls.stable:
-        return ()
-    return (
-        f"{len(loose)} load steps, first number {loose[0]}, end in an equilibrium that isn't "
-        "stable: the body would buckle (a small imperfection of mesh or load shows where to), or "
-        "its material softens",
+def _stability_warnings(equation: Equation, steps: list[LoadStep]) -> list[str]:
+    """Wanted steps that end where a body wouldn't stay, or perhaps wouldn't: what is stable has a
+    tangent that is positive definite, and one whose symmetric part is doesn't buckle either."""
+    wanted = enumerate((step for step in steps if step.wanted), 1)
+    loose = [(number, step) for number, step in wanted if not step.iterations[-1].definite]
+    skew = [
+        number
+        for number, step in loose
+        if equation.skew_stiffness(step.u, step.factors) is not None
+    ]
+    unstable = [number for number, _ in loose if number not in skew]
+    said = (
+        (unstable, "isn't stable: the body would buckle, or its material softens"),
+        (skew, "may not be stable: loads that follow have no potential there"),
     )
+    return [
+        f"{len(numbers)} load steps, first number {numbers[0]}, end in an equilibrium that {what} "
+        "(a small imperfection of mesh or load shows where to)"
+        for numbers, what in said
+        if numbers
+    ]
 
 
 def _strain_warning(equation: Equation, u: Float) -> tuple[str, ...]:

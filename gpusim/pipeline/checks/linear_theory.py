@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.fem.model.model import Model
-from gpusim.fem.procedures.expansion import higher_orders
-from gpusim.fem.recovery.linear_theory import cell_rotations, second_order, stretching
-from gpusim.pipeline.scene_objects.modelling import build_model, temperature
+from gpusim.fem.recovery.linear_theory import cell_rotations, second_order
+from gpusim.pipeline.scene_objects.modelling import temperature
 from gpusim.pipeline.scene_objects.moving_bodies import MovingBodies
-from gpusim.pipeline.scene_objects.surfaces import MeshedBody
 from gpusim.scene.description import model as m
 
 SMALL_TURN = 0.02  # rad: at most 0.08 % of the displacement, which takes no further look
 TOLD = 0.005
-STRETCHING = 3e-4  # three times what could make a difference of 0.2 %
 LARGE = 0.1  # of a body's size
 FORCES = (
     m.ForceTable,
@@ -99,14 +96,11 @@ class LinearError:
         )
 
 
-def linear_errors(objects: MovingBodies) -> list[LinearError]:
-    """One per body; all were solved for, by linear theory."""
-    return [linear_error(objects, number) for number in range(len(objects.bodies))]
-
-
-def linear_error(objects: MovingBodies, number: int) -> LinearError:
-    """Of a body in the frame in which linear theory is off most: it turns or moves most there."""
-    found = [_in_frame(objects, number, frame) for frame in _extreme_frames(objects, number)]
+def linear_error(objects: MovingBodies, number: int, model: Model) -> LinearError:
+    """Of a body in the frame in which linear theory is off most: it turns or moves most there.
+    ``model``: what it was solved as, by linear theory."""
+    frames = _extreme_frames(objects, number)
+    found = [_in_frame(objects, number, model, frame) for frame in frames]
     return max(found, key=lambda error: error.off)
 
 
@@ -123,32 +117,19 @@ def _extreme_frames(objects: MovingBodies, number: int) -> list[int]:
     return list(dict.fromkeys([int(reach.argmax()), int((turn if several else reach).argmax())]))
 
 
-def with_stretching(
-    error: LinearError, u: Float, model: Model, factors: Float, formulation: str
-) -> LinearError:
-    """The same where a body may have to stretch as it bends, of its displacements ``u`` (N, 3) in
-    the frame of the error, at ``factors`` (L,) of the load cases of its model."""
-    if model.constraints or not stretching(model.mesh, u) > STRETCHING:
-        return error
-    moved = u + higher_orders(model, u, factors, formulation)
-    change = float(np.linalg.norm(moved, axis=1).max()) / error.moved - 1.0
-    return replace(error, share=1.0 + change if change > 0.0 else 1.0 / (1.0 - change))
-
-
-def _in_frame(objects: MovingBodies, number: int, frame: int) -> LinearError:
+def _in_frame(objects: MovingBodies, number: int, model: Model, frame: int) -> LinearError:
     parts, u = objects.bodies[number], objects.displacement(number, frame)
     turn = float(np.linalg.norm(cell_rotations(parts.mesh, u), axis=1).max(initial=0.0))
     share, longer = 1.0, 0.0
     if turn > SMALL_TURN:
-        share, longer = _second_order(parts, frame, u)
+        share, longer = _second_order(parts.body, model, frame, u)
     reach = float(np.linalg.norm(np.ptp(u, axis=0)))
     size = float(np.linalg.norm(np.ptp(parts.mesh.points, axis=0)))
     moved = float(np.linalg.norm(u, axis=1).max(initial=0.0))
     return LinearError(parts.body.name, frame, turn, moved, share, longer, reach, size)
 
 
-def _second_order(parts: MeshedBody, frame: int, u: Float) -> tuple[float, float]:
-    body, model = parts.body, build_model(parts)
+def _second_order(body: m.Body, model: Model, frame: int, u: Float) -> tuple[float, float]:
     forced = any(isinstance(load, FORCES) and load.amplitude[frame] for load in body.loads)
     change = temperature(body, frame) or None
     return second_order(model, u, body.formulation, forced=forced, temperature=change)

@@ -1,12 +1,12 @@
 """Load steps of a scene's bodies at large displacements, as they are stored.
 
-Stress and strain of each step are kept as well: they depend on what the material has been through,
-and don't follow from displacements alone.
+Stress and strain of the steps that are looked at are kept as well: they depend on what the material
+has been through, and don't follow from displacements alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,17 +29,17 @@ Stored = Mapping[str, npt.NDArray[Any]]
 
 
 def step_arrays(
-    motion: Stepped, stresses: Sequence[Stress | None], body: int
+    motion: Stepped, stresses: Mapping[State, Stress | None], body: int
 ) -> dict[str, npt.NDArray[Any]]:
-    """What ``np.savez`` keeps of the motion of a ``body`` (its number), and of the stress in its
-    states."""
+    """What ``np.savez`` keeps of the motion of a ``body`` (its number), and of the ``stresses`` in
+    some of its states."""
     arrays = {"states": np.array(motion.states), "u": motion.u, "reactions": motion.forces}
-    for number, found in enumerate(stresses):
-        assert found is not None
-        told = map(found.nodal_results.get, ("piola_stress", "green_lagrange_strain"))
-        own = found.nodal, found.nodal_strain, found.nodal_plastic_strain, found.error_share
-        fields = zip(FIELDS, (*own, *told), strict=True)
-        arrays |= {f"{name}_{number}_": one for name, one in fields if one is not None}
+    for number, state in enumerate(motion.states):
+        if (found := stresses.get(state)) is not None:
+            told = map(found.nodal_results.get, ("piola_stress", "green_lagrange_strain"))
+            own = found.nodal, found.nodal_strain, found.nodal_plastic_strain, found.error_share
+            fields = zip(FIELDS, (*own, *told), strict=True)
+            arrays |= {f"{name}_{number}_": one for name, one in fields if one is not None}
     return {f"{name}{body}": array for name, array in arrays.items()}
 
 

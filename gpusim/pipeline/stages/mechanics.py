@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim import fem
+from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
 from gpusim.files.input_file import open_input
 from gpusim.graph.runner import Inputs
@@ -25,7 +26,7 @@ from gpusim.pipeline.notes import Notes
 from gpusim.pipeline.scene_objects.load_steps import FIELDS, STEPS, step_fields
 from gpusim.pipeline.scene_objects.modelling import (
     BodyModel,
-    build_body_model,
+    build_model,
     linear_at_rest,
     temperature,
 )
@@ -48,7 +49,7 @@ def model(scene: Scene, inputs: Inputs, session: Session) -> BodyModel:
     (body,) = scene.bodies
     meshed: MeshedBody = inputs[f"mesh/{body.name}"]
     cases = tuple(LoadGroup((), tuple(loads), tuple(supports)) for loads, supports in inputs.row)
-    return build_body_model(MeshedBody(body, meshed.mesh, meshed.skin), cases)
+    return build_model(MeshedBody(body, meshed.mesh, meshed.skin), cases)
 
 
 def solve_scene(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
@@ -206,7 +207,10 @@ def write_stresses(
     with ZipFile(path, "w") as archive:
         for number, (parts, model) in enumerate(zip(objects.bodies, solved.models, strict=True)):
             if isinstance(objects.motions[number], Stepped):
-                peaks += _copy_stresses(archive, solved, number, moving)
+                fields = _copied_stress(archive, solved, number, moving)
+                if fields:
+                    share = float(np.linalg.norm(fields["stored_error_share"]))
+                    peaks.append(_peak(parts, fem.von_mises(fields["nodal_stress"]), share))
                 continue
             last: tuple[float, fem.Stress] | None = None
             for step, frame in enumerate(moving):
@@ -222,15 +226,15 @@ def write_stresses(
                 _store(archive, f"stress{number}_{frame}", factor * found.nodal)
                 _store(archive, f"error{number}_{frame}", found.error_share)
             if moving:
-                peaks.append(_peak(parts, found, factor))
+                von_mises = abs(factor) * found.von_mises
+                peaks.append(_peak(parts, von_mises, found.error_relative))
     return peaks
 
 
-def _copy_stresses(
+def _copied_stress(
     archive: ZipFile, solved: _Solved, number: int, moving: Sequence[int]
-) -> Iterator[StressPeak]:
-    """What the load steps of a body have, by frame; gives the peak in the last one."""
-    parts = solved.objects.bodies[number]
+) -> dict[str, Any]:
+    """What the load steps of a body have, by frame; gives the last one's."""
     fields: dict[str, Any] = {}
     for frame in moving:
         state = solved.objects.frames[frame].states[number]
@@ -238,12 +242,7 @@ def _copy_stresses(
         for name, place in FIELDS.items():
             if place in fields:
                 _store(archive, f"{name}{number}_{frame}", fields[place])
-    if fields:
-        von_mises = fem.von_mises(fields["nodal_stress"])
-        node, error = int(np.argmax(von_mises)), fields["stored_error_share"]
-        x, y, z = parts.mesh.points[node].tolist()
-        most, relative = float(von_mises[node]), float(np.linalg.norm(error))
-        yield StressPeak(parts.body.name, most, (x, y, z), relative)
+    return fields
 
 
 def _recovered(objects: MovingBodies, number: int, model: fem.Model, frame: int) -> fem.Stress:
@@ -257,11 +256,10 @@ def save_arrays(arrays: dict[str, npt.NDArray[Any]], path: Path) -> None:
         np.savez(stream, allow_pickle=False, **arrays)
 
 
-def _peak(parts: MeshedBody, found: fem.Stress, factor: float) -> StressPeak:
-    node = int(np.argmax(found.von_mises))
+def _peak(parts: MeshedBody, von_mises: Float, error: float) -> StressPeak:
+    node = int(np.argmax(von_mises))
     x, y, z = parts.mesh.points[node].tolist()
-    most = abs(factor) * float(found.von_mises[node])
-    return StressPeak(parts.body.name, most, (x, y, z), found.error_relative)
+    return StressPeak(parts.body.name, float(von_mises[node]), (x, y, z), error)
 
 
 @contextmanager

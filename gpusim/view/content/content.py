@@ -281,7 +281,7 @@ class Content:
         if objects is None or self.is_given:
             return None
         if body not in self._models:
-            self._models[body] = build_model(objects.bodies[body], self.load_groups(body))
+            self._models[body] = build_model(objects.bodies[body], self.load_groups(body)).model
         return self._models[body]
 
     def load_groups(self, body: int) -> tuple[LoadGroup, ...]:

@@ -16,7 +16,7 @@ from gpusim.fem.elements.element_matrix import element_stiffness
 from gpusim.fem.elements.straight_tetrahedra import StraightTets, is_straight
 from gpusim.fem.model.supports import rigid_modes
 from gpusim.fem.multigrid.geometric_coarsening import drop_midsides
-from gpusim.fem.multigrid.smoothed_aggregation import aggregated, galerkin, prolongator
+from gpusim.fem.multigrid.smoothed_aggregation import galerkin, prolongator
 from gpusim.fem.multigrid.transfer import NodeTransfer, in_single
 from gpusim.fem.sparse.block_rows import block_matrix, invert_blocks
 from gpusim.fem.sparse.matrix_product import Product
@@ -92,7 +92,7 @@ def test_unequal_elements_add_up_as_in_a_plain_sum(kind: str) -> None:
 def test_only_the_rows_of_some_nodes() -> None:
     mesh = irregular("wedge15")
     groups = model_groups(Model(mesh, [WOOD]), RULE)
-    edges = NodeGraph(groups, mesh.node_count)
+    edges = NodeGraph([one.cells for one in groups], mesh.node_count)
     every = edges.blocks(groups, None)
     nodes = np.array([17, 3, 80])
     wanted = [every[edges.start[k] : edges.start[k + 1]] for k in nodes]
@@ -119,13 +119,14 @@ def test_a_pattern_is_filled_again_as_if_it_were_new() -> None:
     mesh = box((1.3, 0.9, 0.7), (15, 13, 11))
     mesh = mesh.moved(0.004 * np.random.default_rng(3).normal(size=mesh.points.shape))
     groups = model_groups(Model(mesh, [WOOD]), RULE)
-    pattern = NodeGraph(groups, mesh.node_count)
+    pattern = NodeGraph([one.cells for one in groups], mesh.node_count)
     first = pattern.fill(groups)
     before = first.table.copy()
     (group,) = groups
     assert isinstance(group, DistinctGroup)
     softened = Softened(group, np.random.default_rng(1).uniform(0.1, 1.0, len(group.cells)))
-    again, fresh = pattern.fill([softened]), NodeGraph([softened], mesh.node_count).fill([softened])
+    fresh = NodeGraph([softened.cells], mesh.node_count).fill([softened])
+    again = pattern.fill([softened])
     for one, other in (
         (again, fresh),
         (pattern.fill(groups), assemble_groups(groups, mesh.node_count)),
@@ -200,9 +201,7 @@ def test_a_diagonal_stored_apart_gives_the_same_coarse_level() -> None:
     near_null = rigid_modes(mesh.points, np.zeros(3), 1.0) * free[:, :, None]
     coarser = []
     for matrix in (Product.of_rows(rows, scale), Product(block_matrix(rows, scale))):
-        p, _, mask = prolongator(
-            matrix, inverse, 2.1, near_null, aggregated(matrix, inverse, free), False
-        )
+        p, _, mask = prolongator(matrix, inverse, 2.1, near_null, free, False)
         coarser.append((p, galerkin(matrix, p), mask))
     apart, whole = coarser
     for one, two in zip(apart[:2], whole[:2], strict=True):

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 import pytest
+from scipy.sparse import csr_matrix
 
 import gpusim as gs
 from gpusim.fem.assembly.element_responses import element_responses
@@ -70,6 +71,43 @@ def test_corrections_are_right_for_definite_and_indefinite_tangents(
     free = equation.free.ravel()
     definite = np.linalg.eigvalsh(matrix[np.ix_(free, free)])[0] > 0.0
     assert found.definite == definite == (strain < 0.01)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("strain", [0.00675, 0.00681])
+def test_an_indefinite_tangent_is_seen_whatever_forces_act(method: str, strain: float) -> None:
+    # the bar buckles at a strain of 0.00678, which forces along it don't show on levels
+    equation = bar()
+    solver = tangent_solver(equation, method)
+    along = np.where(equation.model.mesh.points[:, :1] == 4.0, [1.0, 0.0, 0.0], 0.0)[None]
+    tangent = equation.linearised(pressed(equation, strain), np.ones(1))
+    found = solver.correction(tangent, along, np.zeros_like(along), 1e-4)
+    assert (found.definite and solver.definite(tangent)) == (strain < 0.00678)
+    assert found.definite or method == "direct"
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("strain", [0.0, 0.6])
+def test_a_skew_part_is_solved_with(method: str, strain: float) -> None:
+    equation = bar()
+    random = np.random.default_rng(1)
+    force = random.normal(size=(2, *equation.model.mesh.points.shape))
+    tangent = equation.linearised(pressed(equation, strain), np.ones(1))
+    free = equation.free.ravel()
+    # of the nodes at the end, as from the edges of a pressed face
+    end = np.repeat(equation.model.mesh.points[:, 0] == 4.0, 3)
+    part = np.where(end[:, None] & end, random.normal(size=(len(free), len(free))), 0.0)
+    skew = csr_matrix(0.1 * (part - part.T))
+    solver = tangent_solver(equation, method)
+    found = solver.correction(replace(tangent, skew=skew), force, np.zeros_like(force), 1e-8)
+    whole = block_matrix(tangent.assembled.rows).toarray() + skew.toarray()
+    wanted = np.zeros((2, len(free)))
+    wanted[:, free] = np.linalg.solve(whole[np.ix_(free, free)], force.reshape(2, -1)[:, free].T).T
+    # levels that round to float32 leave 1e-5
+    assert np.abs(found.du.reshape(2, -1) - wanted).max() <= 1e-5 * np.abs(wanted).max()
+    assert found.definite == (strain == 0.0)
+    symmetric = solver.correction(tangent, force, np.zeros_like(force), 1e-8).du
+    assert np.abs(found.du - symmetric).max() > 1e-2 * np.abs(wanted).max()
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -17,13 +17,13 @@ from gpusim.fem.linear.tangent_solver import TangentSolver
 from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.procedures import arc_length
 from gpusim.fem.procedures.arc_length import LoadPath, PathPoint, follow_path
-from gpusim.fem.procedures.newton import Controls, equilibrium
+from gpusim.fem.procedures.newton import Controls, Steps, equilibrium
 from tests.support.elastica import clamped_arch
 from tests.support.nonlinear_cases import NonlinearCase, arch_strip, shallow_arch
 
 Float = npt.NDArray[np.float64]
 
-CONTROLS = Controls(1e-6, 1e-6, False, False)
+CONTROLS = Controls(1e-6, 1e-6, Steps.PLAIN, False)
 PATH = LoadPath(np.zeros(1), np.ones(1))
 
 
@@ -109,6 +109,15 @@ def test_steps_that_fail_are_shorter_the_next_time() -> None:
     assert distance < 1e4 and np.log2(1e4 / distance) == pytest.approx(
         round(np.log2(1e4 / distance)), abs=1e-5
     )
+
+
+def test_a_path_along_which_no_load_grows_is_none() -> None:
+    case = arch(20, 1.0)
+    equation, solver = prepared(case, "direct")
+    still = LoadPath(np.ones(1), np.ones(1))
+    start = PathPoint(0.0, np.zeros(case.model.mesh.points.shape), ())
+    with pytest.raises(NotConverged, match="by arc length: got a step in which no load grows"):
+        next(follow_path(equation, solver, still, start, 1.0, CONTROLS))
 
 
 def test_no_root_no_step() -> None:

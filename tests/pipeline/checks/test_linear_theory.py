@@ -9,6 +9,7 @@ from gpusim.pipeline.checks.linear_theory import LinearError, linear_error
 from gpusim.pipeline.scene_objects.moving_bodies import MovingBodies
 from gpusim.pipeline.scene_objects.surfaces import build_body
 from gpusim.scene.frames import frame_table
+from tests.support.scene_models import scene_model
 from tests.support.small_scene import DOCUMENT, small_scene
 
 
@@ -39,5 +40,5 @@ def test_the_frame_in_which_a_body_turns_most_decides() -> None:
     u[0, :, 0], u[1, :, 1] = 0.04 * x, 0.012 * x**2
     shown = [one.shown for one in frame_table(scene)]
     motion = Superposed(u, np.zeros((2, 1, 3)))
-    found = linear_error(MovingBodies(scene, shown, [parts], [motion]), 0)
+    found = linear_error(MovingBodies(scene, shown, [parts], [motion]), 0, scene_model(scene))
     assert found.frame == 2 and abs(found.moved - 0.012) <= 1e-12 and found.off > 0.002
