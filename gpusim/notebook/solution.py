@@ -11,7 +11,7 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.arrays.srgb import decoded
 from gpusim.errors import InputError
-from gpusim.export.body_state import BodyState
+from gpusim.export.body_state import BodyState, known_of
 from gpusim.export.field_catalogue import BODY
 from gpusim.fem import Solution
 from gpusim.notebook.axes import draw_faces, space_axes
@@ -153,10 +153,7 @@ def _field(solution: Solution, case: int, field: str) -> Float:
     state = BodyState(model.mesh, u, model, temperature=warm)
     found = solution.steps[-1].stress if solution.steps else None
     if found is not None:
-        state = BodyState(
-            model.mesh, u, nodal_stress=found.nodal, nodal_strain=found.nodal_strain,
-            nodal_plastic_strain=found.nodal_plastic_strain,
-        )  # fmt: skip
+        state = BodyState(model.mesh, u, known=known_of(found))
     return np.asarray(FIELDS[field].of(state))
 
 

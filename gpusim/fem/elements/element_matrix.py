@@ -17,9 +17,13 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
-from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS, Rule, mode_gradient
-from gpusim.fem.elements.isoparametric_map import determinant, inverse, reference_gradient
+from gpusim.fem.elements.isoparametric_map import (
+    determinant,
+    inverse,
+    reference_gradient,
+    require_positive,
+)
 from gpusim.fem.materials.symmetric_tensors import FULL
 
 # Numbers in the largest temporary of a chunk: it should stay in the cache.
@@ -107,12 +111,7 @@ def _gradients(kind: str, nodes: Float, rule: Rule) -> tuple[Float, Float, Float
     count, width = nodes.shape[:2]
     jacobian = reference_gradient(nodes, rule)
     det = determinant(jacobian)
-    bad = np.flatnonzero(~(det > 0.0).all(axis=1))
-    if bad.size:
-        raise InputError(
-            f"{kind}: {bad.size} elements are inverted at a quadrature point; got a Jacobian of "
-            f"{det[bad].min():.3g}; expected positive volume (see mesh_quality)"
-        )
+    require_positive(kind, det)
     # back[j,i] = d xi_j / d x_i
     back = inverse(jacobian, det)
     gradient = np.empty((count, len(rule.weight), 3, width))

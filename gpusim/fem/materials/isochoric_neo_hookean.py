@@ -70,8 +70,11 @@ class IsochoricNeoHookean(IsotropicConstants):
     def results(self, strain: Float, state: Float | None) -> dict[str, Float]:
         """The energy (…)."""
         E2 = 2.0 * tensor_components(strain)
-        J = np.sqrt(1.0 + growth_and_inverse(E2)[0])
-        distortion = (3.0 + E2[:3].sum(axis=0)) * J ** (-2.0 / 3.0) - 3.0
+        growth, _ = growth_and_inverse(E2)
+        # J^(-2/3) - 1 and J - 1, without cancellation at small strain
+        less = np.expm1(np.log1p(growth) / -3.0)
+        change = growth / (1.0 + np.sqrt(1.0 + growth))
+        distortion = (1.0 + less) * E2[:3].sum(axis=0) + 3.0 * less
         bulk = self.lame + 2.0 / 3.0 * self.shear
-        energy = 0.5 * (self.shear * distortion + bulk * (J - 1.0) ** 2)
+        energy = 0.5 * (self.shear * distortion + bulk * change**2)
         return {"energy": energy.reshape(strain.shape[:-1])}

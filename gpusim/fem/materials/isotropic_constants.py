@@ -11,6 +11,8 @@ from gpusim.arrays.array_types import Float
 from gpusim.fem.materials.constants import ANY, FROM_ZERO, POISSON, POSITIVE, constant
 from gpusim.fem.materials.symmetric_tensors import ENGINEERING
 
+_RULES = {"E": POSITIVE, "nu": POISSON, "density": FROM_ZERO, "expansion": ANY}
+
 
 @dataclass(frozen=True)
 class IsotropicConstants:
@@ -27,12 +29,7 @@ class IsotropicConstants:
     finite_strain: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        for name, rule in (
-            ("E", POSITIVE),
-            ("nu", POISSON),
-            ("density", FROM_ZERO),
-            ("expansion", ANY),
-        ):
+        for name, rule in _RULES.items():
             value = constant(getattr(self, name), f"{type(self).__name__}: {name}", rule)
             object.__setattr__(self, name, value)
 

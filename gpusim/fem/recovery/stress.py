@@ -38,10 +38,10 @@ class Stress:
     averaged, with equal weights, over the cells *of one material* at the node: stress may jump
     where the material changes. So nodes on such a border have one value per material.
 
-    node_count : N, of the mesh.
     points : cell type -> (M,Q,6) at the quadrature points of the formulation.
     node_of, material_of, values : (P,), (P,), (P,6) the averages: node, material, stress.
     strains : (P,6) total strain that belongs to ``values``, engineering shear.
+    node_count : N.
     cell : (M,6) volume mean of each cell, cells in the mesh's order.
     volume, energy : (M,) of each cell; energy is that of the stress, s.C^-1.s/2.
     results : more (P,…) like ``values`` by name, at large displacements: "piola_stress" second
@@ -62,12 +62,12 @@ class Stress:
     ((8, 6), 1.0)
     """
 
-    node_count: int
     points: Mapping[str, Float]
     node_of: Long
     material_of: Long
     values: Float
     strains: Float
+    node_count: int
     cell: Float
     volume: Float
     energy: Float
@@ -78,8 +78,8 @@ class Stress:
 
     @cached_property
     def nodal(self) -> Float:
-        """(N,6) stress, where materials meet the one with the greatest von Mises stress; 0 at nodes
-        of no cell."""
+        """(N,6), where materials meet the value with the greatest von Mises stress; 0 at nodes of
+        no cell."""
         return self._telling(self.values)
 
     @cached_property
@@ -261,12 +261,12 @@ class Recovery:
         for array in self.points.values():
             array.setflags(write=False)
         return Stress(
-            node_count=self.model.mesh.node_count,
             points=MappingProxyType(self.points),
             node_of=self.node_of,
             material_of=self.material_of,
             values=total,
             strains=self._strains(total),
+            node_count=self.model.mesh.node_count,
             cell=self.cell,
             volume=self.volume,
             energy=self.energy,
@@ -302,9 +302,8 @@ class Recovery:
     def _of_cells(self, table: Float, part: Part) -> Float:
         """Rows of a table by material: one row if all cells have the same, else (M,…)."""
         materials = self.material[part.numbers]
-        return np.asarray(
-            table[materials[0]] if (materials == materials[0]).all() else table[materials]
-        )
+        same = bool((materials == materials[0]).all())
+        return np.asarray(table[materials[0] if same else materials])
 
     def _recover(self, part: Part) -> Float:
         """Everything of some cells; returns their stress at the nodes (M,k,6)."""

@@ -99,10 +99,10 @@ def _states(
             if isinstance(objects.motions[number], Stepped):
                 shown = objects.frames[frame].states[number]
                 known = step_fields(steps, number, shown) or {
-                    "nodal_stress": np.zeros((len(body.u), 6)),
-                    "nodal_strain": np.zeros((len(body.u), 6)),
+                    "stress": np.zeros((len(body.u), 6)),
+                    "strain": np.zeros((len(body.u), 6)),
                 }
-                yield BodyState(parts.mesh, body.u, **known)
+                yield BodyState(parts.mesh, body.u, known=known)
                 continue
             model = inputs[f"model/{body.name}"].model
             change = temperature(parts.body, frame)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from gpusim import fem
 from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
+from gpusim.export.body_state import KNOWN
 from gpusim.files.input_file import open_input
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
@@ -23,7 +24,7 @@ from gpusim.graph.stage import StageResult
 from gpusim.motion import Given, Motion, Stepped
 from gpusim.pipeline.checks.resources import check_field
 from gpusim.pipeline.notes import Notes
-from gpusim.pipeline.scene_objects.load_steps import FIELDS, STEPS, step_fields, stepped_motion
+from gpusim.pipeline.scene_objects.load_steps import STEPS, step_fields, stepped_motion
 from gpusim.pipeline.scene_objects.modelling import (
     BodyModel,
     build_model,
@@ -165,13 +166,13 @@ class Stresses:
         self._source.close()
 
     def of(self, body: int, frame: int, parts: MeshedBody) -> dict[str, Any]:
-        """By the names of `FIELDS`: nodal stress and the elements' shares of the error, zero in a
+        """By the names of `KNOWN`: nodal stress and the elements' shares of the error, zero in a
         frame without; and the strain of a body at large displacements."""
         nodes, cells = parts.mesh.node_count, parts.mesh.cell_count
-        shapes = dict.fromkeys(FIELDS, (nodes, 6)) | {"plastic": (nodes,), "error": (cells,)}
+        shapes = dict.fromkeys(KNOWN, (nodes, 6)) | {"plastic": (nodes,), "error": (cells,)}
         found: dict[str, Any] = {
-            "nodal_stress": np.zeros((nodes, 6)),
-            "stored_error_share": np.zeros(cells),
+            "stress": np.zeros((nodes, 6)),
+            "error": np.zeros(cells),
         }
         for name, shape in shapes.items():
             if f"{name}{body}_{frame}" in self._stored:
@@ -179,7 +180,7 @@ class Stresses:
                 expected = f"{shape}: delete the output folder's solution/stress.npz"
                 where = f"stress of body {parts.body.name!r}"
                 require(values.shape == shape, where, f"shape {values.shape}", expected)
-                found[FIELDS[name]] = values
+                found[name] = values
         return found
 
 
@@ -213,8 +214,8 @@ def write_stresses(
             if isinstance(objects.motions[number], Stepped):
                 fields = _copied_stress(archive, solved, number, moving)
                 if fields:
-                    share = float(np.linalg.norm(fields["stored_error_share"]))
-                    peaks.append(_peak(parts, fem.von_mises(fields["nodal_stress"]), share))
+                    share = float(np.linalg.norm(fields["error"]))
+                    peaks.append(_peak(parts, fem.von_mises(fields["stress"]), share))
                 continue
             last: tuple[float, fem.Stress] | None = None
             for step, frame in enumerate(moving):
@@ -243,9 +244,8 @@ def _copied_stress(
     for frame in moving:
         state = solved.objects.frames[frame].states[number]
         fields = step_fields(solved.steps, number, state)
-        for name, place in FIELDS.items():
-            if place in fields:
-                _store(archive, f"{name}{number}_{frame}", fields[place])
+        for name, values in fields.items():
+            _store(archive, f"{name}{number}_{frame}", values)
     return fields
 
 

@@ -261,7 +261,7 @@ class Content:
         parts, u = objects.bodies[body], self.displacement(body, frame)
         displaced = bool(objects.motions) and isinstance(objects.motions[body], Stepped)
         if self.stresses is not None and (displaced or not solved):
-            return BodyState(parts.mesh, u, **self.stresses.of(body, frame, parts))
+            return BodyState(parts.mesh, u, known=self.stresses.of(body, frame, parts))
         if displaced:  # its stress doesn't follow from displacements
             return BodyState(parts.mesh, u)
         change = temperature(parts.body, frame)

@@ -74,6 +74,15 @@ def test_stress_is_the_derivative_of_the_energy(law: gs.fem.Law) -> None:
     check_energy(law, strain, state, 1e-5, 1e-8)
 
 
+@pytest.mark.parametrize("law", [*ELASTIC, *PLASTIC], ids=repr)
+def test_energy_of_small_strain_keeps_its_digits(law: gs.fem.Law) -> None:
+    strain = strains(1e-7)
+    state = np.zeros((len(strain), law.state_size)) if law.state_size else None
+    expected = 0.5 * ((strain @ law.stiffness()) * strain).sum(axis=1)
+    found = law.results(strain, state)["energy"]  # type: ignore[attr-defined]
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
 class Damage:
     """A user's own: the stiffness falls as exp(-(k - 1) / 4), k the largest energy so far."""
 
