@@ -21,6 +21,7 @@ from tests.support.nonlinear_cases import (
     published_cantilever,
     ring,
     roll_up,
+    rolled_by_pressures,
     shallow_arch,
 )
 from tests.support.nonlinear_shells import holed_hemisphere, pulled_cylinder, slit_annulus
@@ -49,6 +50,8 @@ ROWS = (
     Row("tet10 60x1x1", lambda: ring("tet10", (60, 1, 1)), 2e-3),
     Row("hex8 100x1x1", lambda: roll_up("hex8", (100, 1, 1), 1.0, 10), 5e-3),
     Row("hex8 100x1x1", lambda: roll_up("hex8", (100, 1, 1), 3.0, 30), 5e-3),
+    Row("hex8 100x1x2", lambda: rolled_by_pressures("hex8", (100, 1, 2), 1.0, 10), 5e-3),
+    Row("hex8 300x1x2", lambda: rolled_by_pressures("hex8", (300, 1, 2), 3.0, 30), 5e-3),
     Row("hex8 100x1x2", lambda: bimetal_strip((100, 1, 2), (52, 137)), 5e-3),
     Row("hex8 60x1x1", lambda: shallow_arch("hex8", (60, 1, 1), 12.0), 1e-2),
     Row("hex8 60x1x1", lambda: pressed_column((60, 1, 1), 3.0, 1e-2), 1e-2),

@@ -190,6 +190,39 @@ def roll_up(kind: str, divisions: Sequence[int], turns: float, steps: int) -> No
     )  # fmt: skip
 
 
+def rolled_by_pressures(
+    kind: str, divisions: Sequence[int], turns: float, steps: int
+) -> NonlinearCase:
+    """Strip bent into a circle by pressures p and -p, which turn with it, on the halves of its end,
+    p b h^2 / 4 = 2 pi E I ``turns`` / L. The last cells are a thousand times as stiff: the halves
+    of an end that gives would differ in area, and push it. Judged by where that end is.
+    """
+    strip = Strip(100.0, 1.0, 1.0, 1e6)
+    mesh = bar(strip, kind, divisions)
+    end = select_faces(mesh, normal="+x")
+    height = mesh.points[end.nodes[:, :4], 2].mean(axis=1)
+    unit = 8.0 * np.pi * turns * strip.bending / (strip.length * strip.width * strip.height**2)
+    loads = [FollowerPressure(end[np.flatnonzero(side * height > 0)], side * unit)
+             for side in (-1.0, 1.0)]  # fmt: skip
+    rigid = strip.length / divisions[0]
+    length = strip.length - rigid
+    middle = mesh.points[mesh.cells[kind], 0].mean(axis=1)
+    model = Model(
+        mesh, [Isotropic(strip.E, 0.0), Isotropic(1e3 * strip.E, 0.0)], clamped_end(mesh),
+        material_of_cell=(middle > length).astype(np.int32), loads=loads,
+    )  # fmt: skip
+    factors = np.arange(1, steps + 1) / steps
+    angle = 2.0 * np.pi * turns * factors * length / strip.length
+    sine, cosine = np.sin(angle), np.cos(angle)
+    x = length * sine / angle + rigid * cosine
+    z = length * (1.0 - cosine) / angle + rigid * sine
+    return NonlinearCase(
+        f"rolled up by pressures, {turns:g} turns", model, factors,
+        end_motion(mesh, mesh.points[:, 0] >= strip.length - 1e-6),
+        np.stack([x - strip.length, z], axis=1), "circle", strip.length,
+    )  # fmt: skip
+
+
 def ring(kind: str, divisions: Sequence[int], height: float = 1.0) -> NonlinearCase:
     """Quarter of a ring of radius 50, ``height`` thick, pulled apart by 12 E I / R^2."""
     radius, E = 50.0, 1e6

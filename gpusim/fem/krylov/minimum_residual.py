@@ -31,7 +31,7 @@ def minimum_residual(
     x = np.zeros_like(right)
     v_before, v = np.zeros_like(right), right.copy()
     z = precondition(v)
-    gamma = _root(_dot(v, z))
+    gamma = residual_norm(v, z)
     # what is left of the right-hand side, with the sign that rotations give it
     rest, first, gamma_before = gamma, gamma, 1.0
     sine, sine_before, cosine, cosine_before = 0.0, 0.0, 1.0, 1.0
@@ -42,10 +42,10 @@ def minimum_residual(
             return x, iteration
         z = z / gamma
         image = apply(z)
-        delta = _dot(image, z)
+        delta = float(np.vdot(image, z))
         v_next = image - (delta / gamma) * v - (gamma / gamma_before) * v_before
         z_next = precondition(v_next)
-        gamma_next = _root(_dot(v_next, z_next))
+        gamma_next = residual_norm(v_next, z_next)
         # two old rotations, and a new one that makes the matrix triangular
         alpha_0 = cosine * delta - cosine_before * sine * gamma
         alpha_1 = float(np.hypot(alpha_0, gamma_next))
@@ -63,11 +63,10 @@ def minimum_residual(
     )
 
 
-def _dot(a: Float, b: Float) -> float:
-    return float(np.vdot(a, b))
-
-
-def _root(square: float) -> float:
+def residual_norm(r: Float, z: Float) -> float:
+    """sqrt(r . z) of a residual and z = M^-1 r. Raises NotConverged where M isn't positive
+    definite, or numbers aren't finite."""
+    square = float(np.vdot(r, z))
     if not 0.0 <= square < np.inf:
         raise NotConverged(
             f"minimum residuals: got r.M^-1 r = {square:.3g}; expected a positive definite "

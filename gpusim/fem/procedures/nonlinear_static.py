@@ -25,6 +25,15 @@ from gpusim.fem.recovery.cauchy_stress import cauchy_stress
 _FORCING, _PLASTIC_FORCING = 1e-4, 1e-2
 # up to which strains by length and by Green-Lagrange are the same within a per cent
 _SMALL_STRAIN = 0.02
+# what is said of equilibria without a positive definite tangent
+_UNSTABLE = (
+    "isn't stable: the body would buckle (a small imperfection of mesh or load shows where to), or "
+    "its material softens"
+)
+_UNCERTAIN = (
+    "may not be stable: loads that follow have no potential there, and the symmetric part of the "
+    "stiffness isn't positive definite, which would be enough"
+)
 
 
 def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution:
@@ -74,25 +83,15 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
 
 
 def _stability_warnings(equation: Equation, steps: list[LoadStep]) -> list[str]:
-    """Wanted steps that end where a body wouldn't stay, or perhaps wouldn't: what is stable has a
-    tangent that is positive definite, and one whose symmetric part is doesn't buckle either."""
-    wanted = enumerate((step for step in steps if step.wanted), 1)
-    loose = [(number, step) for number, step in wanted if not step.iterations[-1].definite]
-    skew = [
-        number
-        for number, step in loose
-        if equation.skew_stiffness(step.u, step.factors) is not None
-    ]
-    unstable = [number for number, _ in loose if number not in skew]
-    said = (
-        (unstable, "isn't stable: the body would buckle, or its material softens"),
-        (skew, "may not be stable: loads that follow have no potential there"),
-    )
+    """Wanted steps that end where a body wouldn't stay, or perhaps wouldn't."""
+    loose: dict[str, list[int]] = {}
+    for number, step in enumerate((one for one in steps if one.wanted), 1):
+        if not step.iterations[-1].definite:
+            skew = equation.skew_stiffness(step.u, step.factors)
+            loose.setdefault(_UNSTABLE if skew is None else _UNCERTAIN, []).append(number)
     return [
-        f"{len(numbers)} load steps, first number {numbers[0]}, end in an equilibrium that {what} "
-        "(a small imperfection of mesh or load shows where to)"
-        for numbers, what in said
-        if numbers
+        f"{len(numbers)} load steps, first number {numbers[0]}, end in an equilibrium that {what}"
+        for what, numbers in loose.items()
     ]
 
 

@@ -38,6 +38,7 @@ from tests.support.nonlinear_cases import (
     published_cantilever,
     ring,
     roll_up,
+    rolled_by_pressures,
     shallow_arch,
 )
 
@@ -56,6 +57,7 @@ CASES: dict[str, tuple[Callable[[], NonlinearCase], float]] = {
     "ring": (lambda: ring("hex8", (80, 1, 1)), 1e-3),
     "ring, hex20": (lambda: ring("hex20", (40, 1, 1)), 2e-3),
     "one turn": (lambda: roll_up("hex8", (50, 1, 1), 1.0, 10), 5e-4),
+    "one turn, by pressures": (lambda: rolled_by_pressures("hex8", (50, 1, 2), 1.0, 4), 5e-3),
     "arch, second branch": (lambda: shallow_arch("hex8", (60, 1, 1), 12.0), 1e-3),
     "3DNLG-5": (lambda: curved_cantilever("hex20", (20, 2, 2)), 1e-2),
     "bimetal strip": (lambda: bimetal_strip((100, 1, 2), (52, 137)), 5e-3),
