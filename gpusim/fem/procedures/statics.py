@@ -51,10 +51,9 @@ def solve(
 ) -> Solution:
     """Displacements of a static model, by linear theory or at large displacements.
 
-    By linear theory K u = f; which solver is cheaper is estimated from the mesh. At large
-    displacements each load step is an equilibrium found by Newton's method; steps that fail are
-    halved, limit points are passed by arc length. Cells of `Isotropic` and `Orthotropic`
-    turn with their mean rotation and strain by 2 % at most; other laws hold for any strain.
+    By linear theory K u = f; which solver is cheaper is estimated. At large displacements each load
+    step is an equilibrium found by Newton's method; steps that fail are halved, limit points passed
+    by arc length. `Isotropic` and `Orthotropic` cells strain by 2 % at most, others by any amount.
 
     Parameters
     ----------
