@@ -35,11 +35,13 @@ _LOOK = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """``du`` (L,N,3), prescribed displacements included, after so many ``iterations``;
-    ``definite``: the tangent's symmetric part was positive definite."""
+    """``du`` (L,N,3), prescribed displacements included, after so many ``iterations``, with what
+    the residual has fallen to, relative; ``definite``: the tangent's symmetric part was positive
+    definite."""
 
     du: Float
     iterations: int
+    residual: float
     definite: bool
 
 
@@ -71,7 +73,7 @@ class TangentSolver:
         """
         assembled, system = self._system(tangent, forces, given)
         if not system.right.any():
-            return self._whole(np.zeros_like(system.right), 0, system, True)
+            return self._whole(np.zeros_like(system.right), 0, 0.0, system, True)
         right = system.right.reshape(len(system.right), -1)
         apply, found = _product(assembled, system, tangent.skew), None
         if self._indefinite is not tangent:
@@ -82,15 +84,15 @@ class TangentSolver:
                 if tangent.skew is None:
                     found = truncated_cg(apply, near, right, forcing)
                 else:
-                    found = _one_by_one(gmres, apply, near, right, forcing)
+                    found = *_one_by_one(gmres, apply, near, right, forcing), forcing
         if found is not None:
             if self._solver is not None and found[1] > self._solver.update_cost:
                 self._taken = None  # that wasn't worth it: the next tangent gets its own
             return self._whole(*found, system, True)
         definite = self._definite(tangent, forces, given).preconditioner
         minimise = minimum_residual if tangent.skew is None else gmres
-        found = _one_by_one(minimise, apply, definite, right, forcing)
-        return self._whole(*found, system, False)
+        x, iterations = _one_by_one(minimise, apply, definite, right, forcing)
+        return self._whole(x, iterations, forcing, system, False)
 
     def definite(self, tangent: Tangent) -> bool:
         """Whether the symmetric part of a tangent that has been solved is positive definite.
@@ -153,13 +155,15 @@ class TangentSolver:
             else DirectSolver(direct)
         )
 
-    def _whole(self, x: Float, iterations: int, system: System, definite: bool) -> Correction:
+    def _whole(
+        self, x: Float, iterations: int, residual: float, system: System, definite: bool
+    ) -> Correction:
         """In the model's units, with supports and what constraints gave up."""
         size = (system.load_scale / system.scale)[:, None, None]
         du = np.where(system.free, x.reshape(system.right.shape) * size, system.prescribed)
         elimination = self._equation.elimination
         whole = du if elimination is None else elimination.displacements(du)
-        return Correction(whole, iterations, definite)
+        return Correction(whole, iterations, residual, definite)
 
 
 def _product(assembled: Assembled, system: System, skew: csr_matrix | None = None) -> Apply:
