@@ -162,6 +162,8 @@ def _row(path: _LoadPath, instant: Instant, step: fem.LoadStep) -> LoadStepRow:
         solver_iterations=sum(one.solver_iterations for one in step.iterations),
         substeps=step.substeps,
         error_estimate=step.error_estimate,
+        stored_J=step.strain_energy,
+        work_J=step.external_work,
     )
 
 
