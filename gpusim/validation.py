@@ -63,6 +63,7 @@ FromZero = Annotated[float, Rule("from 0 up", lambda value: 0.0 <= value < np.in
 Share = Annotated[float, within(0.0, 1.0)]
 """0 to 1."""
 Portion = Annotated[float, Rule("above 0, up to 1", lambda value: 0.0 < value <= 1.0)]
+Count = Annotated[int, Rule("a whole number of at least 1", lambda value: value >= 1)]
 Finite = Annotated[float, Rule("a finite number", np.isfinite)]
 
 

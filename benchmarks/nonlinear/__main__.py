@@ -19,7 +19,7 @@ def main() -> None:
     if given.only != "speed":
         _print(accuracy.HEADINGS, accuracy.accuracy(given.case))
     if given.only != "accuracy":
-        _print(speed.HEADINGS, speed.speed(given.repeat, not given.no_peers))
+        _print(speed.HEADINGS, speed.speed(given.case, given.repeat, not given.no_peers))
 
 
 def _print(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:

@@ -65,8 +65,8 @@ def solve_deck(
 
     Written are ``solution_<step>.vtu`` (displacement ``u``, ``reaction``, ``temperature_change``
     where there is one; with ``stress`` the mean ``stress`` of each element over its
-    integration points, xx yy zz xy yz zx, and its ``von_mises``; where metal may flow the
-    ``plastic_strain``), ``solution.pvd``,
+    integration points, xx yy zz xy yz zx, and its ``von_mises``; of a nonlinear step what
+    `gpusim.fem.Stress.results` has), ``solution.pvd``,
     ``displacements.npz`` (``node_labels`` (N,), ``points`` (N,3), ``u`` and ``reactions``
     (S,N,3)) and ``report.json``, which also tells of an error. Units are those of the deck.
 
@@ -200,8 +200,8 @@ def _write_solutions(
             mean = np.concatenate([points.mean(axis=1) for points in stress.values()])
             of_cell |= {"stress": mean, "von_mises": von_mises(mean)}
             recovered = solution.steps[-1].stress if solution.steps else None
-            if recovered is not None and recovered.nodal_plastic_strain is not None:
-                fields["plastic_strain"] = recovered.nodal_plastic_strain
+            if recovered is not None:
+                fields |= recovered.nodal_results
         write_vtu(
             inside(folder, name),
             deck.mesh.points,
@@ -224,7 +224,7 @@ def _write_solutions(
 
 
 def _step_report(deck: Deck, step: Step, solution: Solution, file: str) -> dict[str, Any]:
-    size = np.linalg.norm(solution.u, axis=1)
+    size, stored = np.linalg.norm(solution.u, axis=1), float(solution.strain_energy[0])
     return {
         "number": step.number,
         "name": step.name,
@@ -240,9 +240,9 @@ def _step_report(deck: Deck, step: Step, solution: Solution, file: str) -> dict[
         "largest_displacement_node": int(deck.node_labels[np.argmax(size)]),
         "force": step.forces_at(deck.mesh.points + solution.u).sum(axis=0).tolist(),
         "reaction": solution.reactions.sum(axis=0).tolist(),
-        "strain_energy": float(solution.strain_energy[0]),
+        "strain_energy": stored if np.isfinite(stored) else None,
         "external_work": float(solution.external_work[0]),
-        "energy_balance": solution.energy_balance,
+        "energy_balance": solution.energy_balance if np.isfinite(stored) else None,
         "seconds": sum(solution.timings.values()),
         "backend": solution.backend,
         "method": solution.method,

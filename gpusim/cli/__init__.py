@@ -35,7 +35,6 @@ import typer
 from gpusim._version import __version__
 from gpusim.cli.bench import bench_app
 from gpusim.cli.console import (
-    INTERRUPTED,
     BackendOption,
     Json,
     Output,
@@ -65,6 +64,7 @@ from gpusim.cli.tables import (
 from gpusim.cli.view import view
 from gpusim.errors import Fault, InputError, NotConverged, SceneError
 from gpusim.files.output_folder import check_folder, inside
+from gpusim.interrupts import INTERRUPTED
 
 if TYPE_CHECKING:
     from gpusim.scene import Scene

@@ -26,26 +26,6 @@ from gpusim.errors import GpusimError
 from gpusim.interrupts import INTERRUPTED, end_at_once, raise_again
 from gpusim.printable import printable
 
-__all__ = [
-    "INTERRUPTED",
-    "Backend",
-    "BackendOption",
-    "Json",
-    "Output",
-    "PrintableGroup",
-    "ProgressDisplay",
-    "Quiet",
-    "exit_codes",
-    "finish",
-    "folder_name",
-    "importing",
-    "out",
-    "size_text",
-    "starting",
-    "time_text",
-    "waiting",
-]
-
 
 def folder_name(text: str) -> Path:
     """The folder of an option; an empty name isn't the working folder."""

@@ -97,11 +97,12 @@ def print_deck(report: Mapping[str, Any], folder: Path) -> None:
         ("step", "unknowns", "iterations", "error", "largest u", "at node", "energy", "reaction")
     ]
     for step in report["steps"]:
+        energy = step["strain_energy"]
         rows.append((
             f"{step['number']}", f"{step['unknowns']}",
             f"{step['newton_iterations'] or step['iterations']}",
             f"{step['error_estimate']:.1e}", f"{step['largest_displacement']:.6g}",
-            f"{step['largest_displacement_node']}", f"{step['strain_energy']:.6g}",
+            f"{step['largest_displacement_node']}", "" if energy is None else f"{energy:.6g}",
             ", ".join(f"{value:.6g}" for value in step["reaction"]),
         ))  # fmt: skip
         if step["load_steps"] > 1:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,37 +12,42 @@ from gpusim.deck.amplitudes import Moment, Scale, ScaledLoads
 from gpusim.deck.constraints import Axes
 from gpusim.deck.materials import Body
 from gpusim.errors import InputError
-from gpusim.fem import body_force, centrifugal
+from gpusim.fem import FollowerPressure, body_force, centrifugal
+from gpusim.fem.elements.element import FaceElement, face_element
 from gpusim.fem.elements.isoparametric_map import add_to
-from gpusim.mesh import Faces, Mesh, set_faces
+from gpusim.mesh import Faces, set_faces
 from gpusim.mesh.formats.abaqus.cards import Card, number, whole
-from gpusim.mesh.quadrature import face_rule
-from gpusim.mesh.shape_functions import FACE_TYPES, shape_functions, shape_gradients
 from gpusim.validation import require
 
 
-def pressure_forces(
-    mesh: Mesh, faces: Faces, values: Float, formulation: Mapping[str, str]
-) -> Float:
+def pressure_forces(body: Body, faces: Faces, values: Float) -> Float:
     """(N,3) consistent forces of ``values`` (F,), positive into the body, on undeformed faces."""
-    forces = np.zeros((mesh.node_count, 3))
-    for kind, first, block in mesh.blocks():
-        inside = np.flatnonzero((faces.cell >= first) & (faces.cell < first + len(block)))
-        if not inside.size:
-            continue
-        own = faces[inside]
-        for name, rows in own.kinds():
-            points, weight = face_rule(name, face_points(kind, formulation[kind], name))
-            nodes = own.nodes[np.ix_(rows, np.array(FACE_TYPES[name]))]
-            corners = mesh.points[nodes]
-            tangent = np.einsum(
-                "fki,qkj->fqij", corners - corners[:, :1], shape_gradients(name, points)
-            )
-            normal = np.cross(tangent[..., 0], tangent[..., 1]) * weight[:, None]
-            share = np.einsum("qk,fqi->fki", shape_functions(name, points), normal)
-            share *= -values[inside[rows]][:, None, None]
-            add_to(forces, nodes, share)
+    points = body.mesh.points
+    forces = np.zeros_like(points)
+    for element, rows in face_elements(body, faces):
+        nodes = faces.nodes[np.ix_(rows, element.columns)]
+        area = element.area_vectors(points, nodes)
+        share = np.einsum("qk,fqi->fki", element.shape, area)
+        add_to(forces, nodes, share * -values[rows][:, None, None])
     return forces
+
+
+def following_pressures(body: Body, faces: Faces, values: Float) -> tuple[FollowerPressure, ...]:
+    """The same on the deformed body: one load for each value and type of faces."""
+    return tuple(
+        FollowerPressure(faces[rows[values[rows] == value]], value, count=len(element.weight))
+        for element, rows in face_elements(body, faces)
+        for value in np.unique(values[rows]).tolist()
+    )
+
+
+def face_elements(body: Body, faces: Faces) -> Iterator[tuple[FaceElement, Long]]:
+    """Which ``faces`` (their numbers) are integrated alike, and how."""
+    for kind, first, block in body.mesh.blocks():
+        inside = np.flatnonzero((faces.cell >= first) & (faces.cell < first + len(block)))
+        for name, rows in faces[inside].kinds():
+            count = face_points(kind, body.formulation[kind], name)
+            yield face_element(name, count), inside[rows]
 
 
 def face_points(kind: str, formulation: str, face: str) -> int:

@@ -14,8 +14,8 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.deck.step import Step
-from gpusim.fem import LoadStep, Solution
-from gpusim.fem.procedures.nonlinear_static import path_work
+from gpusim.fem import Solution
+from gpusim.fem.model.solution import load_path_results
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,33 +44,11 @@ class LoadPath:
         ends = np.cumsum([0, *(len(step.increments) for step in self.steps)])
         # points on the way past a limit point belong to what they lead to
         places = np.searchsorted(wanted, ends, side="left") + (ends > 0)
-        assert whole.model is not None
-        works = np.append(0.0, path_work(whole.model, whole.steps))
         found = []
         for (first, last), (begin, end) in zip(pairwise(places), pairwise(ends), strict=True):
             own, last = whole.steps[first:last], min(last, len(whole.steps))
-            got = sum(one.wanted for one in own)
-            found.append(
-                _part(whole, whole.steps[last - 1], own, bool(got == end - begin), works[last])
-            )
+            complete = bool(sum(one.wanted for one in own) == end - begin)
+            message = "converged" if complete else whole.message
+            results = load_path_results(own, whole.steps[last - 1])
+            found.append(replace(whole, converged=complete, message=message, **results))
         return tuple(found)
-
-
-def _part(
-    whole: Solution, last: LoadStep, own: Sequence[LoadStep], complete: bool, work: float
-) -> Solution:
-    """A solution as far as it goes to ``last``, with load steps of its ``own``."""
-    every = [one for step in own for one in step.iterations]
-    return replace(
-        whole,
-        u=last.u,
-        reactions=last.reactions,
-        converged=complete,
-        message="converged" if complete else whole.message,
-        error_estimate=max((one.error_estimate for one in own), default=1.0),
-        iterations=sum(one.solver_iterations for one in every),
-        residuals=np.array([[one.residual] for one in last.iterations]),
-        strain_energy=np.array([work]),
-        external_work=np.array([work]),
-        steps=tuple(own),
-    )

@@ -14,7 +14,7 @@ from gpusim.errors import InputError
 from gpusim.fem import J2, IsochoricNeoHookean, Isotropic, Material, SaintVenantKirchhoff, Update
 from gpusim.fem.materials.cauchy_green import tensor_components
 from gpusim.fem.materials.linear_elasticity import LinearElasticity
-from gpusim.fem.materials.symmetric_tensors import strain_rotation
+from gpusim.fem.materials.symmetric_tensors import strain_congruence
 from gpusim.mesh import Mesh
 from gpusim.mesh.file_content.coordinate_systems import Frame
 from gpusim.mesh.formats.abaqus.cards import Card, Names, number
@@ -304,7 +304,7 @@ def _finished(material: _Material, name: str, axes: Float | None, where: str) ->
             f"{name}: the stiffness isn't positive definite; expected constants "
             "that give energy to every strain"
         )
-    turn = strain_rotation(axes)
+    turn = strain_congruence(axes)
     strain = np.linalg.solve(turn, np.array([*material.expansion, 0.0, 0.0, 0.0]))
     return Anisotropic(turn.T @ _swapped(own) @ turn, material.density, strain)
 

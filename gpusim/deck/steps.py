@@ -10,14 +10,13 @@ import numpy as np
 from gpusim.arrays.array_types import Float, Long
 from gpusim.deck.amplitudes import Amplitudes, Interval, Moment, Ramped, Scale
 from gpusim.deck.constraints import Axes, Constraints, read_tie
-from gpusim.deck.forces import Forces, face_points, pressure_forces
+from gpusim.deck.forces import Forces, following_pressures, pressure_forces
 from gpusim.deck.increments import Increments, merged
 from gpusim.deck.initial_state import InitialStress, temperature_forces
 from gpusim.deck.materials import Body
 from gpusim.deck.step import Step
 from gpusim.fem import FollowerPressure
 from gpusim.fem.model.constraints import touched
-from gpusim.mesh import Faces
 from gpusim.mesh.formats.abaqus.cards import Card, number
 from gpusim.validation import require
 
@@ -205,10 +204,10 @@ class History:
             change = self.temperature.at(moment) - self.initial
         forces, pressed = self.forces.nodal_forces(moment), self.forces.pressed(moment)
         loads: tuple[FollowerPressure, ...] = ()
-        if self.body.nonlinear:
-            loads = () if pressed is None else _following(self.body, *pressed)
+        if pressed is not None and self.body.nonlinear:
+            loads = following_pressures(self.body, *pressed)
         elif pressed is not None:
-            forces += pressure_forces(self.body.mesh, *pressed, self.body.formulation)
+            forces += pressure_forces(self.body, *pressed)
         for one in self.forces.body_forces(moment):
             forces += one
         if self.stress.values:
@@ -226,16 +225,3 @@ class History:
             constraints=constraints,
             loads=loads,
         )
-
-
-def _following(body: Body, faces: Faces, pressures: Float) -> tuple[FollowerPressure, ...]:
-    """One for each value and rule of integration."""
-    counts = np.zeros(len(faces), dtype=np.int32)
-    for kind, first, block in body.mesh.blocks():
-        inside = np.flatnonzero((faces.cell >= first) & (faces.cell < first + len(block)))
-        for name, rows in faces[inside].kinds():
-            counts[inside[rows]] = face_points(kind, body.formulation[kind], name)
-    return tuple(
-        FollowerPressure(faces[(pressures == value) & (counts == count)], value, count=int(count))
-        for value, count in sorted(set(zip(pressures.tolist(), counts.tolist(), strict=True)))
-    )

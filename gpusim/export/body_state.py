@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -16,15 +17,27 @@ if TYPE_CHECKING:  # half a second to import, which a window without fields does
     from gpusim.fem import Model, Stress
 
 
+KNOWN = ("stress", "strain", "error", "plastic", "piola", "green")
+"""Of a body: stress (N, 6) in Pa, strain (N, 6) as tensor components, elements' shares (M,) in the
+error of the stress, accumulated plastic strain (N,), second Piola-Kirchhoff stress (N, 6) and
+Green-Lagrange strain (N, 6)."""
+
+
+def known_of(found: Stress) -> dict[str, Float]:
+    """Of a load step, by the names of `KNOWN`."""
+    told = map(found.nodal_results.get, ("plastic_strain", "piola_stress", "green_lagrange_strain"))
+    every = zip(KNOWN, (found.nodal, found.nodal_strain, found.error_share, *told), strict=True)
+    return {name: values for name, values in every if values is not None}
+
+
 @dataclass(frozen=True, eq=False)
 class BodyState:
     """A body in one frame, from which its fields follow.
 
     ``u``: nodal displacements (N, 3), m. ``model``: what it was solved as; None for a body whose
     displacements are given: it has no stress. ``formulation``, ``temperature``: as for
-    `gpusim.fem.stress`. What is there already: ``nodal_stress`` (N, 6), Pa, ``nodal_strain`` (N, 6)
-    as tensor components, ``nodal_plastic_strain`` (N,), and ``stored_error_share`` of elements
-    (M,); the elements' stress isn't then.
+    `gpusim.fem.stress`. ``known``: what is there already, by the names of `KNOWN`; the elements'
+    stress isn't then.
     """
 
     mesh: Mesh
@@ -32,10 +45,7 @@ class BodyState:
     model: Model | None = None
     formulation: str | None = None
     temperature: Float | float = 0.0
-    nodal_stress: Float | None = None
-    stored_error_share: Float | None = None
-    nodal_strain: Float | None = None
-    nodal_plastic_strain: Float | None = None
+    known: Mapping[str, Float] = field(default_factory=dict)
 
     @property
     def length(self) -> Float:
@@ -56,21 +66,19 @@ class BodyState:
     @property
     def stress(self) -> Float:
         """(N, 6), Pa."""
-        return self.recovered.nodal if self.nodal_stress is None else self.nodal_stress
+        return self.known["stress"] if "stress" in self.known else self.recovered.nodal
 
     @property
     def error_share(self) -> Float:
         """Of each element (M,) in the error of the stress, 0 to 1."""
-        stored = self.stored_error_share
-        return self.recovered.error_share if stored is None else stored
+        return self.known["error"] if "error" in self.known else self.recovered.error_share
 
     @property
     def strain(self) -> Float:
         """(N, 6) as tensor components; where materials meet that of the greatest stress."""
-        return self.recovered.nodal_strain if self.nodal_strain is None else self.nodal_strain
+        return self.known["strain"] if "strain" in self.known else self.recovered.nodal_strain
 
     @property
     def plastic_strain(self) -> Float:
         """(N,), accumulated; zero in a body that doesn't yield."""
-        stored = self.nodal_plastic_strain
-        return np.zeros(len(self.u)) if stored is None else stored
+        return self.known["plastic"] if "plastic" in self.known else np.zeros(len(self.u))

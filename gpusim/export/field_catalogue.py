@@ -115,23 +115,27 @@ BODY = {
 }  # fmt: skip
 """Of a body in a frame; the first are the most telling."""
 
+
+def _known(name: str) -> Values:
+    return lambda state: state.known.get(name)
+
+
+def _known_mises(state: Any) -> Any:
+    return None if "stress" not in state.known else _fem().von_mises(state.known["stress"])
+
+
 VTU_ARRAYS = {
     "u": Field("displacement", "m", lambda state: state.u, "nodes"),
-    "stress": Field(f"stress {_AXES}", "Pa", lambda state: state.stress, "nodes"),
-    "von_mises": Field("von Mises stress", "Pa", BODY["von_mises"].of, "nodes"),
-    "error_share": Field("share of the stress error", "1", BODY["error_share"].of, "elements"),
-    "strain": Field(f"logarithmic strain {_AXES}", "1", lambda state: state.strain, "nodes"),
-    "plastic_strain": Field("plastic strain", "1", BODY["plastic_strain"].of, "nodes"),
+    "stress": Field(f"stress {_AXES}", "Pa", _known("stress"), "nodes"),
+    "von_mises": Field("von Mises stress", "Pa", _known_mises, "nodes"),
+    "error_share": Field("share of the stress error", "1", _known("error"), "elements"),
+    "strain": Field(f"logarithmic strain {_AXES}", "1", _known("strain"), "nodes"),
+    "plastic_strain": Field("plastic strain", "1", _known("plastic"), "nodes"),
+    "piola_stress": Field(f"second Piola-Kirchhoff stress {_AXES}", "Pa", _known("piola"), "nodes"),
+    "green_lagrange_strain": Field(f"Green-Lagrange strain {_AXES}", "1", _known("green"), "nodes"),
 }
-"""Of a body in a frame, as VTU files have them."""
-
-VTU_NEEDS = {
-    "u": "", "stress": "nodal_stress", "von_mises": "nodal_stress",
-    "error_share": "stored_error_share", "strain": "nodal_strain",
-    "plastic_strain": "nodal_plastic_strain",
-}  # fmt: skip
-"""What of a `BodyState` has to be there for each: stress where asked for, strain of bodies at
-large displacements."""
+"""Of a body in a frame, as VTU files have them; None of what isn't known: stress where asked for,
+strain of bodies at large displacements."""
 
 
 # -- truth in pictures --------------------------------------------------------------------------

@@ -11,7 +11,7 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.arrays.srgb import decoded
 from gpusim.errors import InputError
-from gpusim.export.body_state import BodyState
+from gpusim.export.body_state import BodyState, known_of
 from gpusim.export.field_catalogue import BODY
 from gpusim.fem import Solution
 from gpusim.notebook.axes import draw_faces, space_axes
@@ -75,7 +75,11 @@ def html(solution: Solution) -> str:
             noise = 1e-9 * float(np.abs(sums).max())
             shown = np.where(np.abs(sums) > noise, sums, 0.0)
             rows.append((name, ", ".join(quantity(value) for value in shown)))
-    rows.append(("energy balance", quantity(solution.energy_balance, digits=2)))
+    if solution.steps:
+        rows.append(("stored energy", quantity(solution.strain_energy[0])))
+        rows.append(("work of loads and supports", quantity(solution.external_work[0])))
+    else:
+        rows.append(("energy balance", quantity(solution.energy_balance, digits=2)))
     notes = [_NOTE, *solution.warnings]
     if not solution.converged:
         notes.append(solution.message)
@@ -149,10 +153,7 @@ def _field(solution: Solution, case: int, field: str) -> Float:
     state = BodyState(model.mesh, u, model, temperature=warm)
     found = solution.steps[-1].stress if solution.steps else None
     if found is not None:
-        state = BodyState(
-            model.mesh, u, nodal_stress=found.nodal, nodal_strain=found.nodal_strain,
-            nodal_plastic_strain=found.nodal_plastic_strain,
-        )  # fmt: skip
+        state = BodyState(model.mesh, u, known=known_of(found))
     return np.asarray(FIELDS[field].of(state))
 
 

@@ -41,7 +41,7 @@ def solve(problem: fem.Model | Scene, device: Device | None = None, **options: A
     if isinstance(problem, fem.Model):
         return fem.solve(problem, device, **options)
     # a model needs none of what reads scenes: half of the package
-    from gpusim.pipeline.scene_objects.modelling import build_model, displaced_model
+    from gpusim.pipeline.scene_objects.modelling import build_model
     from gpusim.pipeline.scene_objects.surfaces import build_body
     from gpusim.scene import Scene
     from gpusim.scene.amplitudes import load_groups
@@ -54,13 +54,12 @@ def solve(problem: fem.Model | Scene, device: Device | None = None, **options: A
     body = problem.bodies[0]
     defaults = {**dict(problem.solver), "formulation": body.formulation}
     groups = load_groups(body, problem.analysis.load_factors)
-    parts = build_body(body, problem.input)
-    model = build_model(parts, groups)
-    strained = any(material.finite_strain for material in body.materials)
-    if problem.analysis.geometry == "nonlinear" or strained:
+    built = build_model(build_body(body, problem.input), groups)
+    model = built.model
+    if body.large_displacements(problem.analysis.geometry):
         states = [one.shown.states[0] for one in frame_table(problem)]
         steps = dict.fromkeys(state for state in states if state is not None)
         factors = [state[: len(groups)] for state in steps]
         defaults |= {"geometry": "nonlinear", "factors": factors}
-        model = displaced_model(parts, model, groups)
+        model = built.displaced
     return fem.solve(model, device, **{**defaults, **options})

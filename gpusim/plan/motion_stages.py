@@ -38,26 +38,25 @@ def static_stages(build: StageBuilder) -> Iterator[Stage]:
                       build.of_bodies("model"), [None], "solve", keeps=True,
                       on_device=True)  # fmt: skip
     yield build.stage("solution", "mechanics:solution", needs={"solve": first})
+    found: Needs = {"solution": first}
     if scene.analysis.geometry != "linear":
-        yield from _equilibria(build)
-        return
+        yield _equilibria(build)
+        found["equilibria"] = first
     for number, name in enumerate(build.bodies):
-        yield build.stage(f"motion/{name}", "mechanics:superposed", needs={"solution": first},
-                          rows=[number])  # fmt: skip
+        yield build.stage(f"motion/{name}", "mechanics:motion", needs=found, rows=[[number, name]])
 
 
-def _equilibria(build: StageBuilder) -> Iterator[Stage]:
+def _equilibria(build: StageBuilder) -> Stage:
     """Which depend on all frames: each begins at the one before, and any of them may be the one
     that linear theory is too far off for."""
     needs: Needs = build.of_bodies("mesh") | build.of_bodies("model") | {"solution": first}
     loads = [one._replace(time=None, shown=Shown(one.shown.states)) for one in build.frames]
-    row = [build.scene.analysis.geometry, loads]
-    yield build.stage("equilibria", "equilibria:equilibria", ["solver", "body.*.mechanics"], needs,
-                      [row], "solve", keeps=True, on_device=True)  # fmt: skip
-    for number, name in enumerate(build.bodies):
-        yield build.stage(f"motion/{name}", "equilibria:motion",
-                          needs={"solution": first, "equilibria": first},
-                          rows=[[number, name]])  # fmt: skip
+    # stress that will be looked at: of each frame, or in the picture of the last one
+    moved = [one.number for one in build.frames if not one.shown.unloaded]
+    stressed = moved if build.scene.output.stress else moved[-1:]
+    row = [build.scene.analysis.geometry, loads, stressed]
+    return build.stage("equilibria", "equilibria:equilibria", ["solver", "body.*.mechanics"],
+                       needs, [row], "solve", keeps=True, on_device=True)  # fmt: skip
 
 
 def field_stages(build: StageBuilder) -> Iterator[Stage]:

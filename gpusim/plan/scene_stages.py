@@ -52,7 +52,7 @@ def scene_stages(scene: Scene, options: RunOptions) -> SceneStages:
         stages += _targets(build, camera_name)
     stages += _results(build, motions, [one.name for one in moving])
     if any(one.keeps for one in stages):  # there is something to report of
-        stages = [*_looks(build), *stages, *_linear_theory(build, moving)]
+        stages = [*_looks(build), *stages, *_linear_theory(build, [one.name for one in moving])]
     stages = [*_things(build), *stages]
     return SceneStages(tuple(stages), _skipped(build, stages), build.frames)
 
@@ -76,9 +76,9 @@ def _looks(build: StageBuilder) -> Iterator[Stage]:
                       [build.frames[:1]], keeps=True, early=True)  # fmt: skip
 
 
-def _linear_theory(build: StageBuilder, moving: Sequence[Stage]) -> Iterator[Stage]:
-    if any(one.work.endswith(":superposed") for one in moving):
-        needs = build.of_bodies("mesh") | build.of_bodies("motion")
+def _linear_theory(build: StageBuilder, moving: Sequence[str]) -> Iterator[Stage]:
+    if "solution" in moving and "equilibria" not in moving:
+        needs = build.of_bodies("mesh") | build.of_bodies("model") | build.of_bodies("motion")
         yield build.stage("linear theory", "checks:linear_theory", ["body.*.mechanics"], needs,
                           [list(build.frames)], keeps=True)  # fmt: skip
 

@@ -176,10 +176,9 @@ _ITERATIONS = 6
 
 def _load_steps(scene: Scene) -> int:
     """That are certain: none where the linear solution is to decide."""
-    strained = any(material.finite_strain for body in scene.bodies for material in body.materials)
-    if scene.analysis.geometry == "nonlinear" or strained:
-        return len({factor for factor in scene.analysis.load_factors if factor})
-    return 0
+    analysis = scene.analysis
+    known = any(body.large_displacements(analysis.geometry) for body in scene.bodies)
+    return len(set(analysis.load_factors) - {0.0}) if known else 0
 
 
 def _geometry(scene: Scene) -> str:

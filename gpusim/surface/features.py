@@ -181,7 +181,6 @@ class Paint(Protocol):
 
 
 Length = Annotated[float, positive("a length above 0")]
-Count = Annotated[int, Rule("a whole number of at least 1", lambda value: value >= 1)]
 Angle = Annotated[float, Rule("a finite angle in rad", np.isfinite)]
 Place = Annotated[
     tuple[float, float], Rule("two finite numbers", lambda place: bool(np.isfinite(place).all()))

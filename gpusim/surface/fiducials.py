@@ -16,7 +16,6 @@ from gpusim.surface.features import (
     PATCH,
     SECTOR,
     Angle,
-    Count,
     Features,
     Length,
     Pattern,
@@ -24,7 +23,7 @@ from gpusim.surface.features import (
     Stack,
     set_centres,
 )
-from gpusim.validation import checked, require, within
+from gpusim.validation import Count, checked, require, within
 
 
 def _dictionary(what: str, name: str) -> Any:

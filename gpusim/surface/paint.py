@@ -23,7 +23,6 @@ from gpusim.surface.features import (
     SECTOR,
     Angle,
     Bump,
-    Count,
     Features,
     Length,
     Paint,
@@ -34,7 +33,7 @@ from gpusim.surface.features import (
 )
 from gpusim.surface.fiducials import Aruco, Charuco, RingCodes
 from gpusim.surface.speckle import Speckle
-from gpusim.validation import Share, checked, one_of, require, within
+from gpusim.validation import Count, Share, checked, one_of, require, within
 
 __all__ = [
     "Aruco",

@@ -126,13 +126,16 @@ def test_steps_of_a_deck(capsys: pytest.CaptureFixture[str]) -> None:
         "reaction": (0.0, -12.5, 1e-3), "largest_von_mises": 210.0, "largest_von_mises_element": 3,
     }  # fmt: skip
     deck = {"deck": "a.inp", "nodes": 400, "cells": {"hex8": 3}, "formulation": {"hex8": "B-bar"},
-            "steps": [step], "warnings": ["be careful"], "ignored": ["*RESTART"]}  # fmt: skip
+            "steps": [step, step | {"strain_energy": None}], "warnings": ["be careful"],
+            "ignored": ["*RESTART"]}  # fmt: skip
     print_deck(deck, Path("out"))
     assert lines(capsys) == [
         "a.inp: 400 nodes, 3 hex8 (B-bar)",
         "",
         "step  unknowns  iterations    error  largest u  at node  energy  reaction",
         "1         1200           5  1.0e-07       0.25       17     3.5  0, -12.5, 0.001",
+        "      largest von Mises stress 210 in element 3",
+        "1         1200           5  1.0e-07       0.25       17          0, -12.5, 0.001",
         "      largest von Mises stress 210 in element 3",
         "warning: be careful",
         "read over: *RESTART",

@@ -7,13 +7,12 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import InputError
-from gpusim.export.body_state import BodyState
+from gpusim.export.body_state import KNOWN, BodyState
 from gpusim.export.correlation import csv_names, result_columns
 from gpusim.export.field_catalogue import (
     BODY,
     TRUTH,
     VTU_ARRAYS,
-    VTU_NEEDS,
     field_maps,
     point_fields,
 )
@@ -32,6 +31,7 @@ from tests.support.measure_images import speckles
 from tests.support.view_bodies import small_crane
 
 E, NU, STRESS = 70e9, 0.3, 21e6
+RANDOM = np.random.default_rng(4)
 
 
 def pulled_bar() -> BodyState:
@@ -76,7 +76,7 @@ def test_displacement_and_stress_that_is_given() -> None:
     crane = small_crane()
     mesh, solution = crane.model.mesh, crane.solution
     stress = np.tile([5e6, 0, 0, 0, 0, 0], (mesh.node_count, 1))
-    state = BodyState(mesh, solution.u, nodal_stress=stress)
+    state = BodyState(mesh, solution.u, known={"stress": stress})
     u = 1e3 * solution.u
     assert BODY["displacement"].values(state) == pytest.approx(np.hypot.reduce(u, axis=1))
     assert BODY["displacement_z"].values(state) == pytest.approx(u[:, 2])
@@ -181,16 +181,21 @@ def test_truth_layers_are_fields_of_pixels() -> None:
     assert TRUTH["truth_flow"].label() == "flow (px)" and TRUTH["truth_region"].label() == "region"
 
 
-def test_arrays_of_vtu_are_in_si() -> None:
+def test_arrays_of_vtu_are_in_si_and_none_of_what_isnt_known() -> None:
     state = pulled_bar()
-    arrays = {name: one.of(state) for name, one in VTU_ARRAYS.items()}
-    assert list(arrays) == list(VTU_NEEDS)
-    np.testing.assert_array_equal(arrays["strain"], state.strain)
-    assert not arrays["plastic_strain"].any()
-    np.testing.assert_array_equal(arrays["u"], state.u)
-    np.testing.assert_allclose(arrays["stress"][:, 1], STRESS, rtol=1e-9)
-    np.testing.assert_allclose(1e-6 * arrays["von_mises"], BODY["von_mises"].values(state))
-    assert arrays["error_share"].shape == (state.mesh.cell_count,)
+    alone = {name: one.of(state) for name, one in VTU_ARRAYS.items()}
+    assert [name for name, values in alone.items() if values is not None] == ["u"]
+    np.testing.assert_array_equal(alone["u"], state.u)
+    known = {name: RANDOM.normal(size=(5, 6)) for name in KNOWN}
+    given = BodyState(state.mesh, state.u, known=known)
+    arrays = {name: one.of(given) for name, one in VTU_ARRAYS.items()}
+    for name, own in (("stress", "stress"), ("strain", "strain"), ("error_share", "error"),
+                      ("plastic_strain", "plastic"), ("piola_stress", "piola"),
+                      ("green_lagrange_strain", "green")):  # fmt: skip
+        np.testing.assert_array_equal(arrays.pop(name), known[own])
+    np.testing.assert_allclose(1e-6 * arrays.pop("von_mises"), BODY["von_mises"].values(given))
+    assert list(arrays) == ["u"]
+    assert VTU_ARRAYS["error_share"].place == "elements"
 
 
 def test_fields_of_a_table_of_a_measurement() -> None:

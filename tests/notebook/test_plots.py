@@ -11,6 +11,7 @@ import pytest
 from matplotlib import pyplot
 
 import gpusim as gs
+from gpusim.notebook.page import quantity
 from gpusim.report.model import Measurement, Report, Series
 from tests.support.measure_images import speckles
 from tests.support.small_scene import small_scene
@@ -197,3 +198,16 @@ def test_stress_of_a_hot_body_is_drawn_without_its_free_strain() -> None:
         axes = hot.plot(field="von_mises", case=case)
         assert axes.figure.axes[-1].get_ylim()[1] < 1e-3 * 9e9 * 1e-3 * 20.0
     assert "von Mises" in str(hot._repr_html_())
+
+
+def test_a_solution_at_large_displacements_tells_what_is_stored_and_what_was_done() -> None:
+    bar = gs.mesh.box(size=(1.0, 0.2, 0.1), divisions=(4, 1, 1))
+    fixed = np.isclose(bar.points[:, :1], 0.0).repeat(3, axis=1)
+    pull = gs.fem.traction(bar, gs.mesh.select_faces(bar, name="x_max"), (1e9, 0, 0))
+    model = gs.Model(bar, gs.Hencky(200e9, 0.0), fixed, pull)
+    solution = gs.fem.solve(model, geometry="nonlinear", factors=[0.5, 1.0])
+    told = str(solution._repr_html_())
+    for name, value in (("stored energy", solution.strain_energy),
+                        ("work of loads and supports", solution.external_work)):  # fmt: skip
+        assert f">{name}</th>" in told and f">{quantity(value[0])}</td>" in told
+    assert "energy balance" not in told

@@ -144,11 +144,15 @@ def elements(
 ) -> ElementResponse:
     kinematics, kind, name = form
     block = ElementBlock(
-        kind, name, points, np.asarray(cells, np.int32), law or SaintVenantKirchhoff(), free
+        kind, name, points, np.asarray(cells, np.int32), law or SaintVenantKirchhoff()
     )
+    own: ElementResponse
     if kinematics == "corotational":
-        return Corotational(block, Matrices(block))
-    return FINITE.get(name, TotalLagrangian)(block)
+        own = Corotational(block, Matrices(block))
+    else:
+        own = FINITE.get(name, TotalLagrangian)(block)
+    own.free_strain = free
+    return own
 
 
 def single(kind: str, seed: int = 0) -> Float:

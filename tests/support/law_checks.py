@@ -6,6 +6,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.fem import Law
+from gpusim.fem.materials.law import results_of
 
 
 def green_lagrange(F: Float) -> Float:
@@ -49,6 +50,23 @@ def check_moduli(law: Law, strain: Float, state: Float | None, step: float, rtol
     np.testing.assert_allclose(found, found.swapaxes(1, 2), rtol=0, atol=1e-13 * size)
     expected = differences(law, strain, state, step)
     np.testing.assert_allclose(found, expected, rtol=0, atol=rtol * size)
+
+
+def check_energy(law: Law, strain: Float, state: Float | None, step: float, rtol: float) -> None:
+    """Stress is the derivative of the energy that the law tells; there is none at rest."""
+
+    def slope(component: int) -> Float:
+        moved = np.zeros((4, *strain.shape))
+        moved[..., component] = step * np.array([2.0, 1.0, -1.0, -2.0])[:, None]
+        states = None if state is None else np.broadcast_to(state, (4, *state.shape))
+        energy = results_of(law, strain + moved, states)["energy"]
+        return np.asarray(np.array([-1.0, 8.0, -8.0, 1.0]) @ energy / (12.0 * step))
+
+    stress = law.update(strain, state, moduli=False).stress
+    expected = np.stack([slope(k) for k in range(6)], axis=-1)
+    np.testing.assert_allclose(stress, expected, rtol=0, atol=rtol * np.abs(stress).max())
+    rest = None if state is None else np.zeros_like(state)
+    assert not results_of(law, np.zeros_like(strain), rest)["energy"].any()
 
 
 def check_law(law: Law, strain: Float) -> None:

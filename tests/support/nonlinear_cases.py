@@ -109,6 +109,24 @@ def end_load(
     )  # fmt: skip
 
 
+def published_cantilever(kind: str, divisions: Sequence[int]) -> NonlinearCase:
+    """Sze, Liu & Lo's, 10 x 1 x 0.1, E = 1.2e6, nu = 0, under 4 at its end: `end_load` of 4 in
+    their dimensions. `PUBLISHED_CANTILEVER` is their value."""
+    strip = Strip(10.0, 1.0, 0.1, 1.2e6)
+    mesh = bar(strip, kind, divisions)
+    forces = face_force(mesh, select_faces(mesh, name="x_max"), (0.0, 0.0, 4.0))
+    x, z, _ = cantilever(strip, (0.0, 4.0), DistributedLoad())
+    return NonlinearCase(
+        "Sze's cantilever", Model(mesh, Isotropic(strip.E, 0.0), clamped_end(mesh), forces),
+        np.array([1.0]), end_motion(mesh, mesh.points[:, 0] >= strip.length - 1e-6),
+        np.array([[x - strip.length, z]]), ELASTICA,
+    )  # fmt: skip
+
+
+PUBLISHED_CANTILEVER = (-3.286, 6.698)
+"""Displacements x and z of the end (Finite Elem. Anal. Des. 40 (2004) 1551, table 1)."""
+
+
 def own_weight(kind: str, divisions: Sequence[int], parameter: float = 11.772) -> NonlinearCase:
     """Slender cantilever under its own weight, q L^3 / E I = ``parameter``."""
     strip = Strip(100.0, 1.0, 1.0, 1e6)

@@ -11,7 +11,6 @@ from gpusim.fem.assembly.element_batches import model_groups
 from gpusim.fem.elements.corotational import Corotational
 from gpusim.fem.elements.element_response import ElementBlock, ElementResponse
 from gpusim.fem.elements.enhanced_modes import EnhancedModes
-from gpusim.fem.elements.finite_strain import green_lagrange, tensor
 from gpusim.fem.elements.mean_dilatation import MeanDilatation
 from gpusim.fem.elements.total_lagrangian import TotalLagrangian
 from gpusim.fem.materials.linear_elasticity import law_of
@@ -33,31 +32,21 @@ def element_responses(model: Model, formulation: Mapping[str, str]) -> list[Elem
         chosen = model.material_of_cell == number
         if not law.finite_strain:
             for group in model_groups(model, formulation, chosen):
-                rule = formulation[group.name]
-                block = ElementBlock(
-                    group.name, rule, points, group.cells, law, numbers=group.numbers
-                )
+                rule, numbers = formulation[group.name], group.numbers
+                block = ElementBlock(group.name, rule, points, group.cells, law, numbers)
                 responses.append(Corotational(block, group))
             continue
         for name, first, cells in model.mesh.blocks():
-            numbers = first + np.flatnonzero(chosen[first : first + len(cells)])
-            own = cells[numbers - first]
+            own, rule = np.flatnonzero(chosen[first : first + len(cells)]), formulation[name]
             if len(own):
-                rule = formulation[name]
-                element = _FINITE_STRAIN.get(rule, TotalLagrangian)
-                block = ElementBlock(name, rule, points, own, law, numbers=numbers)
-                responses.append(element(block))
+                block = ElementBlock(name, rule, points, cells[own], law, first + own)
+                responses.append(_FINITE_STRAIN.get(rule, TotalLagrangian)(block))
     return responses
 
 
 def free_strain(response: ElementResponse, change: Float) -> Float:
-    """(M,Q,6) strain by which heat stretches the material of each point, as ``response`` takes it,
-    of a ``change`` (N,) of temperature that is linear between corners."""
+    """(M,Q,6) strain by which heat stretches the material of each point, of a ``change`` (N,) of
+    temperature that is linear between corners."""
     block = response.block
     warm = point_temperature(block.name, block.rule, change[block.cells])
-    strain = warm[..., None] * block.law.expansion_strain()
-    if isinstance(response, Corotational):
-        return strain
-    # a stretch 1 + e is a Green-Lagrange strain e + e e / 2
-    strain[..., 3:] *= 0.5
-    return green_lagrange(tensor(strain))
+    return np.asarray(warm[..., None] * block.law.expansion_strain())

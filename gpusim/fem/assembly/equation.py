@@ -90,7 +90,7 @@ class Equation:
             return
         change = linear_temperature("solve", self.model.mesh, factors @ temperature)
         for one in self.responses:
-            one.set_free_strain(free_strain(one, change))
+            one.free_strain = free_strain(one, change)
         self._warmed = factors.copy()
 
     def external(self, u: Float, factors: Float) -> Float:
@@ -201,6 +201,17 @@ class Equation:
                 response.advance(which, u, du, foretell)
 
             shared(move, portions(one.cells))
+
+    def work_left(self, tangent: Tangent, du: Float) -> float:
+        """What is gained by going on along the last step ``du`` (N,3), per share of it, at the
+        ``tangent`` that was asked for last; less than nothing where it has gone too far."""
+        left = float(np.vdot(du, self.unbalanced(tangent.residual)))
+        return left - sum(one.work_of_modes(du) for one in self.responses)
+
+    def shorten(self, share: float) -> None:
+        """Of the last step only this share is made."""
+        for one in self.responses:
+            one.shorten(share)
 
     def forget_foretold(self) -> None:
         """Tangents take stresses of the state itself from now on."""

@@ -43,6 +43,8 @@ def shifted_system(assembled: Assembled, system: System, shift: Shift) -> tuple[
     whole = bsr_matrix(block_matrix(assembled.rows) + shift.matrix)
     whole.sort_indices()
     rows, scale = block_rows(whole, assembled.rows.element_classes), system.scale
+    pull = None if system.pull is None else system.pull + shift.forces(system.prescribed)
+    right = np.where(system.free, system.loads - (0.0 if pull is None else pull), 0.0)
     shifted = replace(
         system,
         apply=lambda u: system.apply(u) + shift.forces(u) / scale,
@@ -51,11 +53,8 @@ def shifted_system(assembled: Assembled, system: System, shift: Shift) -> tuple[
         elements=ElementForces(
             lambda u: system.elements.product(u) + shift.forces(u), system.elements.rounding
         ),
+        right=right / system.load_scale[:, None, None],
+        pull=pull,
         stencil=None,
     )
-    if not system.prescribed.any():
-        return Assembled(rows, [], None), shifted
-    pull = shift.forces(system.prescribed)
-    right = np.where(system.free, pull, 0.0) / system.load_scale[:, None, None]
-    old = 0.0 if system.pull is None else system.pull
-    return Assembled(rows, [], None), replace(shifted, right=system.right - right, pull=old + pull)
+    return Assembled(rows, [], None), shifted

@@ -14,6 +14,7 @@ In the order in which data passes:
   remember of it.
 - `polar_rotation`: The rotation of many deformation gradients.
 - `corotational`: The linear element turned with its cell.
+- `heated_material`: Heat at finite strain: the law of a body that has expanded.
 - `total_lagrangian`: Elements at finite strain, in the reference configuration.
 - `enhanced_modes`: The incompatible hexahedron at finite strain.
 - `mean_dilatation`: Mean dilatation at finite strain, from an energy.

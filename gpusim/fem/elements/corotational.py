@@ -1,10 +1,11 @@
 """The linear element turned with its cell: forces and tangents of large motion with small strain.
 
-W(x) = d.K d / 2 with d_a = R^T x_a - X_a, R the polar rotation of the deformation gradient
-sum x_a (x) G_a at the cell's centre, and K the linear matrix, whatever its formulation. At rest
-it is that matrix. d is small where strain is, whatever the rotation, and no stress acts on
-internal modes: none buckles. (Moita & Crisfield, IJNME 39 (1996) 3775; projectors as Nour-Omid &
-Rankin 1991, Felippa & Haugen 2005, here with the exact spin of the polar rotation.)
+W(x) = d.K d / 2 with d_a = R^T x_a - X_a, R the polar rotation of the cell's mean deformation
+gradient sum x_a (x) G_a, and K the linear matrix, whatever its formulation. At rest it is that
+matrix. d is small where strain is, whatever the rotation, and no stress acts on internal modes:
+none buckles. With the gradient at the centre instead, distorted cells would miss the patch test
+where stress and strain have different axes. (Moita & Crisfield, IJNME 39 (1996) 3775; projectors
+as Nour-Omid & Rankin 1991, Felippa & Haugen 2005, here with the exact spin of the polar rotation.)
 """
 
 from __future__ import annotations
@@ -28,9 +29,17 @@ from gpusim.fem.elements.finite_strain import (
     pushed_forward,
     tensor,
 )
-from gpusim.fem.elements.isoparametric_map import cross_matrices, determinant, inverse, times
+from gpusim.fem.elements.isoparametric_map import (
+    cross_matrices,
+    determinant,
+    inverse,
+    times,
+    volumes,
+)
 from gpusim.fem.elements.polar_rotation import polar_rotation
 from gpusim.fem.elements.strain import internal_force, point_stress
+
+_CHUNK = 512
 
 
 class LinearMatrices(Protocol):
@@ -44,7 +53,7 @@ class LinearMatrices(Protocol):
 class CellFrame:
     """Chosen cells and the rotation of each.
 
-    gradient : (m,k,3) G of the nodes at the centre.
+    gradient : (m,k,3) mean gradients G of the nodes.
     rotation : (m,3,3) R.
     position : (m,k,3) y = R^T x, relative to the first node; ``strained`` d of it (m,3k).
     spin : (m,3,3k) of the cell by turned motion of the nodes; ``resistance`` (m,3,3) what maps
@@ -62,13 +71,16 @@ class CellFrame:
 class Corotational(ElementResponse):
     """Elements of ``block`` whose linear matrices are ``matrices``; an `ElementResponse`.
 
-    Free strain acts in the turned cell: heat follows the material. Keeps 24 bytes a node for
-    foretold forces.
+    Free strain acts in the turned cell: heat follows the material. Keeps 48 bytes a node: mean
+    gradients, and foretold forces.
     """
 
     def __init__(self, block: ElementBlock, matrices: LinearMatrices) -> None:
         super().__init__(block, (len(block.cells), 3 * block.cells.shape[1]), None)
         self.matrices = matrices
+        numbers = np.arange(len(block.cells))
+        chunks = np.split(numbers, numbers[_CHUNK::_CHUNK])
+        self._gradient = np.concatenate([self._mean_gradient(which) for which in chunks])
 
     def response(self, which: Long, u: Float, want: Want) -> tuple[Float, Float | None]:
         """See `ElementResponse`."""
@@ -112,23 +124,24 @@ class Corotational(ElementResponse):
         frame, block = self._frame(which, u), self.block
         stress, volume = self._point_stress(which, frame.strained)
         strain = stress @ np.linalg.inv(block.law.stiffness())
-        if self._free_strain is not None:
-            strain += self._free_strain[which]
+        results = {"energy": 0.5 * (stress * strain).sum(axis=2)}
+        if self.free_strain is not None:
+            strain += self.free_strain[which]
         strain = green_lagrange(tensor(strain * [1.0, 1.0, 1.0, 0.5, 0.5, 0.5]))
         rotation = frame.rotation.transpose(1, 2, 0)[..., None]
-        return PointValues(pushed_forward(rotation, stress), stress, strain, volume)
+        return PointValues(pushed_forward(rotation, stress), stress, strain, volume, results)
 
     def _point_stress(self, which: Long, strained: Float) -> tuple[Float, Float]:
         """Stress (m,Q,6) in the cell's frame and volume (m,Q)."""
         block = self.block
         nodes = block.relative(block.points, which)
-        free = None if self._free_strain is None else self._free_strain[which]
+        free = None if self.free_strain is None else self.free_strain[which]
         moved, moduli = strained.reshape(nodes.shape), block.law.stiffness()
         return point_stress(self.name, block.formulation, nodes, moved, moduli, free)
 
     def _local_force(self, which: Long, matrices: Float, strained: Float) -> Float:
         """(m,3k) in the cell's frame."""
-        if self._free_strain is None:
+        if self.free_strain is None:
             return np.asarray(np.matmul(matrices, strained[..., None])[..., 0])
         block = self.block
         nodes = block.relative(block.points, which)
@@ -136,10 +149,18 @@ class Corotational(ElementResponse):
         force = internal_force(self.name, block.formulation, nodes, stress)
         return force.reshape(strained.shape)
 
+    def _mean_gradient(self, which: Long) -> Float:
+        """(m,k,3) of the nodes: the forces of an even pressure, over the volume."""
+        nodes = self.block.relative(self.block.points, which)
+        volume = volumes(nodes, self.block.rule)
+        stress = np.ones((*volume.shape, 1)) * [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]
+        force = internal_force(self.name, self.block.formulation, nodes, stress)
+        return np.asarray(force / volume.sum(axis=1)[:, None, None])
+
     def _frame(self, which: Long, u: Float) -> CellFrame:
         block = self.block
         nodes, motion = block.relative(block.points, which), block.relative(u, which)
-        gradient, _, _ = block.centre(which)
+        gradient = self._gradient[which]
         slope = nodal_slope(motion, gradient)
         deformation = slope + np.eye(3)[..., None]
         require_upright(self.name, determinant(deformation))

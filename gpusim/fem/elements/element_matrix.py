@@ -17,17 +17,20 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
-from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS, Rule, mode_gradient
-from gpusim.fem.elements.isoparametric_map import determinant, inverse, reference_gradient
+from gpusim.fem.elements.isoparametric_map import (
+    determinant,
+    inverse,
+    reference_gradient,
+    require_positive,
+)
+from gpusim.fem.materials.symmetric_tensors import FULL
 
 # Numbers in the largest temporary of a chunk: it should stay in the cache.
 _CHUNK_NUMBERS = 1 << 17
-# Strain component (xx yy zz xy yz zx) of the tensor's entry ij.
-_VOIGT = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
 # Where the modulus C_ikjl of (kl, ij) stands in the 6x6 matrix.
 _K, _L, _I, _J = np.indices((3, 3, 3, 3)).reshape(4, 9, 9)
-_MODULUS = 6 * _VOIGT[_I, _K] + _VOIGT[_J, _L]
+_MODULUS = 6 * FULL[_I, _K] + FULL[_J, _L]
 
 
 def strain_matrix(gradient: Float) -> Float:
@@ -108,12 +111,7 @@ def _gradients(kind: str, nodes: Float, rule: Rule) -> tuple[Float, Float, Float
     count, width = nodes.shape[:2]
     jacobian = reference_gradient(nodes, rule)
     det = determinant(jacobian)
-    bad = np.flatnonzero(~(det > 0.0).all(axis=1))
-    if bad.size:
-        raise InputError(
-            f"{kind}: {bad.size} elements are inverted at a quadrature point; got a Jacobian of "
-            f"{det[bad].min():.3g}; expected positive volume (see mesh_quality)"
-        )
+    require_positive(kind, det)
     # back[j,i] = d xi_j / d x_i
     back = inverse(jacobian, det)
     gradient = np.empty((count, len(rule.weight), 3, width))

@@ -8,16 +8,22 @@ points) is part of a load step and is set back with it.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, auto
 
 import numpy as np
 
-from gpusim.arrays.array_types import Bool, Float, Int, Long
-from gpusim.errors import NotConverged, require
+from gpusim.arrays.array_types import Float, Int, Long
+from gpusim.errors import NotConverged
 from gpusim.fem.elements.element import ELEMENTS, Rule
 from gpusim.fem.elements.finite_strain import largest_principal_strain
-from gpusim.fem.elements.isoparametric_map import determinant, inverse, volumes
+from gpusim.fem.elements.isoparametric_map import (
+    determinant,
+    inverse,
+    reference_gradient,
+    require_positive,
+)
 from gpusim.fem.materials.law import Law
 
 
@@ -36,9 +42,6 @@ class ElementBlock:
 
     name, formulation : a key of ``ELEMENTS`` and one of its formulations.
     points : (N,3) reference positions of all nodes; ``cells`` (M,k) their numbers.
-    free_strain : (M,Q,6) strain that causes no stress, engineering shear, along global axes at
-        rest, so that it turns with the material; None: none. At finite strain it is subtracted
-        from the Green-Lagrange strain: a stretch 1 + e of heat is e + e^2/2.
     numbers : (M,) of the mesh's cells; None where they are no mesh's.
 
     Raises InputError for cells inverted at a quadrature point.
@@ -49,14 +52,12 @@ class ElementBlock:
     points: Float
     cells: Int
     law: Law
-    free_strain: Float | None = None
     numbers: Long | None = None
 
     def __post_init__(self) -> None:
-        good: Bool = np.all(volumes(self.points[self.cells], self.rule) > 0.0, axis=1)
-        what = f"{self.name}: cells inverted at a quadrature point"
-        expected = "positive volume everywhere (see mesh_quality)"
-        require(bool(good.all()), what, f"{(~good).sum()} of {len(good)}", expected)
+        nodes = self.points[self.cells]
+        jacobian = reference_gradient(nodes - nodes[:, :1], self.rule)
+        require_positive(self.name, determinant(jacobian))
 
     @property
     def rule(self) -> Rule:
@@ -100,16 +101,23 @@ class PointValues:
     cauchy, piola : (m,Q,6) Cauchy stress in global axes, second Piola-Kirchhoff stress.
     strain : (m,Q,6) Green-Lagrange strain, engineering shear, free strain included.
     volume : (m,Q) volume in the reference configuration.
+    results : (m,Q,…) what the law tells by name; "energy" is what is stored per such volume, NaN
+        where the law doesn't say it.
     """
 
     cauchy: Float
     piola: Float
     strain: Float
     volume: Float
+    results: Mapping[str, Float]
 
 
 class ElementResponse(ABC):
     """Elements of one type and one law: ``name`` of the cell type, ``cells`` (M,k).
+
+    ``free_strain`` may be set: (M,Q,6) strain that causes no stress, engineering shear, along
+    global axes at rest, so that it turns with the material; None: none. At finite strain it is the
+    stretch of a free body, less one.
 
     ``foretold`` and ``state`` are the shapes of what is kept: stresses or forces that the linear
     part of a step foretells (mixed integration points: Magisano, Leonetti & Garcea, IJNME 109
@@ -120,10 +128,9 @@ class ElementResponse(ABC):
         self, block: ElementBlock, foretold: tuple[int, ...], state: tuple[int, ...] | None
     ) -> None:
         self.block, self.name, self.cells = block, block.name, block.cells
-        self._free_strain = block.free_strain
+        self.free_strain: Float | None = None
         self._foretold = np.full(foretold, np.nan)
-        self._state = None if state is None else np.zeros(state)
-        self._trial = None if state is None else np.zeros(state)
+        self._begin(None if state is None else np.zeros(state))
 
     @abstractmethod
     def response(self, which: Long, u: Float, want: Want) -> tuple[Float, Float | None]:
@@ -137,6 +144,14 @@ class ElementResponse(ABC):
         internal modes. ``foretell``: the geometric part of the next tangent takes the stresses
         foretold by the linear part of the step; laws with a history foretell nothing."""
 
+    def work_of_modes(self, du: Float) -> float:
+        """Of the internal forces along the last step, ``du`` (N,3) or a share of it, what those at
+        the nodes leave out: the forces on internal modes, which condensation has moved there."""
+        return 0.0
+
+    def shorten(self, share: float) -> None:  # noqa: B027  most have no internal modes
+        """Of the last step only this share is made: internal modes go back."""
+
     @abstractmethod
     def point_values(self, which: Long, u: Float) -> PointValues:
         """Stress and strain at the points, of the committed state."""
@@ -144,10 +159,6 @@ class ElementResponse(ABC):
     def strain_extent(self, which: Long, u: Float) -> Float:
         """(m,) largest principal Biot strain, by size, at the points of each element."""
         return largest_principal_strain(self.point_values(which, u).strain)
-
-    def set_free_strain(self, free_strain: Float | None) -> None:
-        """From now on points are free to strain so, see `ElementBlock`."""
-        self._free_strain = free_strain
 
     def forget_foretold(self) -> None:
         """The next tangents are those of the state."""
@@ -161,13 +172,15 @@ class ElementResponse(ABC):
     def restore(self, internal: Internal) -> None:
         """As it was at a ``snapshot``."""
         self._foretold = internal.foretold.copy()
-        self._state = internal.state
-        self._trial = None if self._state is None else self._state.copy()
+        self._begin(internal.state)
 
     def commit(self, u: Float) -> None:
         """The step has converged at ``u``, where ``response`` was asked last."""
-        self._state = self._trial
-        self._trial = None if self._state is None else self._state.copy()
+        self._begin(self._trial)
+
+    def _begin(self, state: Float | None) -> None:
+        """A step, from a state of the points."""
+        self._state, self._trial = state, None if state is None else state.copy()
 
     def _or_foretold(self, actual: Float, which: Long) -> Float:
         """What is foretold of the elements ``which``, the ``actual`` where nothing is."""

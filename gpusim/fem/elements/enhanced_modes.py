@@ -64,6 +64,9 @@ class EnhancedModes(TotalLagrangian):
         super().__init__(block)
         count, width = len(block.cells), 3 * block.cells.shape[1]
         self._modes = np.zeros((count, 9))
+        # their last step, and the forces on them where it has led to
+        self._mode_step = np.zeros((count, 9))
+        self._forces = np.zeros((count, 9))
         # motion of modes, with the sign changed, by their own forces and by unit motions of nodes
         self._elimination = np.zeros((count, 9, width + 1))
 
@@ -82,7 +85,8 @@ class EnhancedModes(TotalLagrangian):
             stress = self._or_foretold(update.stress, which)
             added = self._mode_geometric(motion, shapes, stress)
             inner, outer = inner + added[0], outer + added[1]
-        right = self._mode_forces(motion, update.stress)[..., None]
+        self._forces[which] = self._mode_forces(motion, update.stress)
+        right = self._forces[which, :, None]
         if want is not Want.FORCES:
             right = np.concatenate([right, outer.swapaxes(1, 2)], axis=2)
         solved = self._solved(inner, right)
@@ -100,7 +104,19 @@ class EnhancedModes(TotalLagrangian):
     def advance(self, which: Long, u: Float, du: Float, foretell: bool) -> None:
         """See `ElementResponse`."""
         super().advance(which, u, du, foretell)
-        self._modes[which] += self._mode_change(which, self.block.relative(du, which))
+        self._mode_step[which] = self._mode_change(which, self.block.relative(du, which))
+        self._modes[which] += self._mode_step[which]
+
+    def work_of_modes(self, du: Float) -> float:
+        """See `ElementResponse`."""
+        nodal = self.block.relative(du, np.arange(len(self.cells)))
+        by_nodes = np.matmul(self._elimination[..., 1:], nodal.reshape(len(nodal), -1, 1))[..., 0]
+        return float(np.vdot(self._forces, self._mode_step + by_nodes))
+
+    def shorten(self, share: float) -> None:
+        """See `ElementResponse`."""
+        self._modes -= (1.0 - share) * self._mode_step
+        self._mode_step *= share
 
     def snapshot(self) -> Internal:
         """See `ElementResponse`."""

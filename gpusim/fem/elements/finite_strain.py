@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
 from gpusim.fem.elements.isoparametric_map import determinant, times
+from gpusim.fem.materials.symmetric_tensors import FULL
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
 """The axes of a component xx yy zz xy yz zx."""
@@ -46,10 +47,7 @@ def volume_change(slope: Float) -> Float:
 
 def tensor(stress: Float) -> Float:
     """(3,3,…) of symmetric (…,6)."""
-    result = np.empty((3, 3, *stress.shape[:-1]))
-    for column, (i, j) in enumerate(PAIRS):
-        result[i, j] = result[j, i] = stress[..., column]
-    return result
+    return np.take(np.moveaxis(stress, -1, 0), FULL, axis=0)
 
 
 def pushed_forward(gradient: Float, stress: Float) -> Float:

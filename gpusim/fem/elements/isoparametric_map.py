@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
+from gpusim.errors import InputError
 from gpusim.fem.elements.element import Rule
 
 
@@ -30,6 +31,17 @@ def determinant(matrix: Float) -> Float:
         - a[0, 1] * (a[1, 0] * a[2, 2] - a[1, 2] * a[2, 0])
         + a[0, 2] * (a[1, 0] * a[2, 1] - a[1, 1] * a[2, 0])
     )
+
+
+def require_positive(kind: str, det: Float) -> None:
+    """Raises InputError where determinants (M,…) of the Jacobians of cells aren't positive."""
+    bad = ~(det > 0.0)
+    if bad.any():
+        count = int(bad.reshape(len(bad), -1).any(axis=1).sum())
+        raise InputError(
+            f"{kind}: {count} elements are inverted at a quadrature point; got a Jacobian of "
+            f"{det[bad].min():.3g}; expected positive volume (see mesh_quality)"
+        )
 
 
 def inverse(matrix: Float, det: Float) -> Float:

@@ -18,9 +18,8 @@ from functools import cache
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
-from gpusim.errors import InputError
 from gpusim.fem.elements.element_matrix import modulus_tensor
-from gpusim.fem.elements.isoparametric_map import determinant, inverse
+from gpusim.fem.elements.isoparametric_map import determinant, inverse, require_positive
 from gpusim.mesh.cell_types import CELL_TYPES
 
 # midsides this far from the middle, relative to the cell's extent, bend nothing that float64 shows
@@ -92,12 +91,7 @@ class StraightTets:
         # columns are edges from the first corner: d x_i / d xi_j
         jacobian = (nodes[:, 1:] - nodes[:, :1]).transpose(2, 1, 0)
         det = determinant(jacobian)
-        if not (det > 0.0).all():
-            raise InputError(
-                f"{self.name}: {int((~(det > 0.0)).sum())} elements are inverted at a quadrature "
-                f"point; got a Jacobian of {det.min():.3g}; expected positive volume "
-                "(see mesh_quality)"
-            )
+        require_positive(self.name, det)
         gradient = np.empty((4, len(which), 3))
         gradient[1:] = inverse(jacobian, det).transpose(0, 2, 1)
         gradient[0] = -gradient[1:].sum(axis=0)

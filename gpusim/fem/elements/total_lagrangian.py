@@ -36,8 +36,9 @@ from gpusim.fem.elements.finite_strain import (
     tensor,
     volume_change,
 )
+from gpusim.fem.elements.heated_material import HeatedMaterial
 from gpusim.fem.elements.isoparametric_map import determinant, inverse, reference_gradient, times
-from gpusim.fem.materials.law import Update
+from gpusim.fem.materials.law import Law, Update, results_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +116,8 @@ class TotalLagrangian(ElementResponse):
         stress = self._law(which, motion.strain, False).stress
         ratio = 1.0 + volume_change(motion.slope)
         cauchy = pushed_forward(motion.gradient, stress) / ratio[..., None]
-        return PointValues(cauchy, stress, motion.strain, motion.geometry.volume)
+        results = results_of(self._material(which), motion.strain, self._history(which))
+        return PointValues(cauchy, stress, motion.strain, motion.geometry.volume, results)
 
     def _geometry(self, which: Long) -> PointGeometry:
         jacobian = reference_gradient(self.block.relative(self.block.points, which), self.rule)
@@ -137,11 +139,18 @@ class TotalLagrangian(ElementResponse):
         """(3,3,m,Q) linear change of the law's slope by a step (m,k,3) of the nodes."""
         return self._slope(motion.geometry, step)
 
+    def _material(self, which: Long) -> Law | HeatedMaterial:
+        if self.free_strain is None:
+            return self.law
+        heated = HeatedMaterial(self.law, self.free_strain[which])
+        require_upright(f"{self.name}, free to expand", heated.volume)
+        return heated
+
+    def _history(self, which: Long) -> Float | None:
+        return None if self._state is None else self._state[which]
+
     def _law(self, which: Long, strain: Float, moduli: bool) -> Update:
-        if self._free_strain is not None:
-            strain = strain - self._free_strain[which]
-        state = None if self._state is None else self._state[which]
-        update = self.law.update(strain, state, moduli=moduli)
+        update = self._material(which).update(strain, self._history(which), moduli=moduli)
         if not np.isfinite(update.stress).all():
             raise NotConverged(
                 f"{type(self.law).__name__}: got a stress that isn't finite, of strains up to "

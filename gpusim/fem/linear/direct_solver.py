@@ -16,6 +16,9 @@ from gpusim.fem.linear.solve_plan import Direct, Options
 class DirectSolver(Preconditioner):
     """Factors that ``direct`` builds; ``note`` follows its description in messages."""
 
+    update_cost = 4
+    """Iterations with factors that take as long as new ones."""
+
     def __init__(self, direct: Direct, note: str = "") -> None:
         super().__init__()
         self._direct, self._note = direct, note

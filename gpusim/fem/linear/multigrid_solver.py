@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from gpusim.fem.krylov.error_estimates import Norm, RoundingError
 from gpusim.fem.krylov.multigrid_preconditioner import Multigrid
 from gpusim.fem.krylov.outer_iteration import Outcome, Progress, each_case, iterate
 from gpusim.fem.linear.solve_plan import Options, SolvePlan
-from gpusim.fem.multigrid.hierarchy import build_hierarchy, rebuilt
+from gpusim.fem.multigrid.hierarchy import build_hierarchy
 
 _MOST_ITERATIONS = 1000
 # of inverse iteration
@@ -31,6 +31,9 @@ class MultigridSolver:
     plan: SolvePlan
     system: System
     multigrid: Multigrid
+
+    update_cost: ClassVar[int] = 20
+    """Iterations with levels that take as long as new ones."""
 
     @classmethod
     def prepare(
@@ -53,9 +56,9 @@ class MultigridSolver:
         return self.multigrid
 
     def update(self, assembled: Assembled, system: System, points: Float) -> None:
-        """Levels of another matrix of the same pattern, with the same aggregates."""
-        hierarchy = rebuilt(self.multigrid.hierarchy, assembled.rows, system, points)
-        self.system, self.multigrid = system, Multigrid(hierarchy)
+        """Levels of another matrix."""
+        other = self.prepare(self.plan, assembled, system, points)
+        self.system, self.multigrid = system, other.multigrid
 
     def solve(self, system: System, options: Options) -> Outcome:
         """Displacements under the loads of the system, to the error that is asked for."""

@@ -28,8 +28,6 @@ Apply = Callable[[Float], Float]
 
 # share of the motion below which a step leaves factors and levels as they are
 _NEAR = 0.01
-# iterations beyond which that wasn't worth it, and the next tangent gets its own
-_MANY = 20
 # share of random forces down to which negative directions are looked for: one column of thirty is
 # seen to buckle from 1.002 of its critical load on, with the others at 0.7 of it
 _LOOK = 0.1
@@ -86,8 +84,8 @@ class TangentSolver:
                 else:
                     found = _one_by_one(gmres, apply, near, right, forcing)
         if found is not None:
-            if found[1] > _MANY:
-                self._taken = None
+            if self._solver is not None and found[1] > self._solver.update_cost:
+                self._taken = None  # that wasn't worth it: the next tangent gets its own
             return self._whole(*found, system, True)
         definite = self._definite(tangent, forces, given).preconditioner
         minimise = minimum_residual if tangent.skew is None else gmres

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Protocol
 
 import numpy as np
 
@@ -50,17 +49,6 @@ class Voce:
 
 
 Hardening = float | Voce | Sequence[tuple[float, float]]
-
-
-class FlowCurve(Protocol):
-    """Yield stress over accumulated plastic strain p, for the return mapping."""
-
-    def stress_and_slope(self, p: Float) -> tuple[Float, Float]:
-        """(P,) yield stress at p, and its derivative."""
-
-    def increment(self, trial: Float, p: Float, stiffness: float) -> Float:
-        """(P,) dp with yield stress at p + dp = trial - stiffness dp; ``trial`` is above that
-        at p."""
 
 
 def flow_curve(yield_stress: float, hardening: Hardening) -> FlowCurve:
@@ -137,3 +125,9 @@ class SaturatingCurve:
             if bool((np.abs(excess) <= _ROUNDING * trial).all()):
                 return step
         raise NotConverged(f"J2: no yield stress found in {_ITERATIONS} iterations")
+
+
+FlowCurve = PiecewiseLinearCurve | SaturatingCurve
+"""Yield stress over accumulated plastic strain p, for the return mapping: ``stress_and_slope`` (P,)
+at p, and ``increment`` (P,) dp with yield stress at p + dp = trial - stiffness dp, where ``trial``
+is above that at p."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from gpusim.arrays.array_types import Float
 from gpusim.fem.materials.isotropic_constants import IsotropicConstants
@@ -34,12 +33,14 @@ class Hencky(IsotropicConstants):
     True
     """
 
-    state_size: ClassVar[int] = 0
-    finite_strain: ClassVar[bool] = True
-
     def update(self, strain: Float, state: Float | None, *, moduli: bool) -> Update:
         """Stress and moduli at a Green-Lagrange strain (…,6); no state."""
         logarithmic = LogarithmicStrain(strain)
         elastic = self.stiffness()
         stress = (elastic * ENGINEERING) @ logarithmic.components
         return Update(*logarithmic.pulled_back(stress, elastic if moduli else None), None)
+
+    def results(self, strain: Float, state: Float | None) -> dict[str, Float]:
+        """The energy (…)."""
+        energy = self.quadratic_energy(LogarithmicStrain(strain).components)
+        return {"energy": energy.reshape(strain.shape[:-1])}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from gpusim.fem.materials.symmetric_tensors import (
     FULL,
     components_last,
     sandwich_product,
-    symmetric_part,
+    symmetric_sum,
 )
 
 
@@ -42,9 +41,6 @@ class IsochoricNeoHookean(IsotropicConstants):
     3625725.0
     """
 
-    state_size: ClassVar[int] = 0
-    finite_strain: ClassVar[bool] = True
-
     def update(self, strain: Float, state: Float | None, *, moduli: bool) -> Update:
         """Stress and moduli at a Green-Lagrange strain (…,6); no state."""
         bulk = self.lame + 2.0 / 3.0 * self.shear
@@ -56,7 +52,7 @@ class IsochoricNeoHookean(IsotropicConstants):
         J = np.sqrt(1.0 + growth)
         shear, pull = self.shear * J ** (-2.0 / 3.0), bulk * J * growth / (1.0 + J)
         product = np.einsum("ijp,jkp->ikp", deviator[FULL], inverse[FULL])
-        stress = shear * symmetric_part(product) + pull * inverse
+        stress = 0.5 * shear * symmetric_sum(product) + pull * inverse
         stress = components_last(stress, strain.shape[:-1])
         if not moduli:
             return Update(stress, None, None)
@@ -70,3 +66,15 @@ class IsochoricNeoHookean(IsotropicConstants):
         outer = left[:, :, None] * inverse[:, None]
         matrices += outer + outer.swapaxes(1, 2)
         return Update(stress, matrices.reshape(*strain.shape, 6), None)
+
+    def results(self, strain: Float, state: Float | None) -> dict[str, Float]:
+        """The energy (…)."""
+        E2 = 2.0 * tensor_components(strain)
+        growth, _ = growth_and_inverse(E2)
+        # J^(-2/3) - 1 and J - 1, without cancellation at small strain
+        less = np.expm1(np.log1p(growth) / -3.0)
+        change = growth / (1.0 + np.sqrt(1.0 + growth))
+        distortion = (1.0 + less) * E2[:3].sum(axis=0) + 3.0 * less
+        bulk = self.lame + 2.0 / 3.0 * self.shear
+        energy = 0.5 * (self.shear * distortion + bulk * change**2)
+        return {"energy": energy.reshape(strain.shape[:-1])}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from gpusim.fem.materials.isotropic_constants import IsotropicConstants
 from gpusim.fem.materials.linear_elasticity import LinearElasticity
@@ -22,3 +23,5 @@ class Isotropic(IsotropicConstants, LinearElasticity):
     >>> steel.stiffness().shape
     (6, 6)
     """
+
+    finite_strain: ClassVar[bool] = False

@@ -17,7 +17,8 @@ from gpusim.fem.materials.logarithmic_strain import LogarithmicStrain
 from gpusim.fem.materials.symmetric_tensors import ENGINEERING, components_last
 from gpusim.validation import is_number, require, unmasked
 
-_ON_SURFACE = 1e-11  # over the yield stress: a state that rounding has put above it
+# of the yield stress: a state within it has flowed to where it is, and goes on flowing
+_ON_SURFACE = 1e-10
 
 
 @unmasked()
@@ -109,14 +110,23 @@ class J2:
         pulled_back = logarithmic.pulled_back(stress, matrices)
         return Update(*pulled_back, components_last(new, strain.shape[:-1]))
 
+    def results(self, strain: Float, state: Float) -> dict[str, Float]:
+        """The elastic energy and the accumulated plastic strain (…)."""
+        plastic = state[..., :6].reshape(-1, 6).T / ENGINEERING[:, None]
+        energy = self.elastic.quadratic_energy(LogarithmicStrain(strain).components - plastic)
+        return {"energy": energy.reshape(state.shape[:-1]), "plastic_strain": state[..., 6]}
+
     def _return_mapping(self, trial: Float, p: Float) -> tuple[Long, Float, Float]:
-        """Which points flow (F,); the share (P,) of the trial deviator that becomes plastic, and
-        the slope (F,) of the yield stress afterwards; p (P,) grows in place."""
-        share = np.zeros_like(p)
-        flowing = np.flatnonzero(trial > self._curve.stress_and_slope(p)[0] * (1.0 + _ON_SURFACE))
+        """Which points flow (F,), or would as soon as they are strained on; the share (P,) of the
+        trial deviator that becomes plastic, and the slope (F,) of the yield stress afterwards; p
+        (P,) grows in place."""
+        share, stress = np.zeros_like(p), self._curve.stress_and_slope(p)[0]
+        flowing = np.flatnonzero(trial >= stress * (1.0 - _ON_SURFACE))
         stiffness, start = 3.0 * self.elastic.shear, p[flowing]
-        increment = self._curve.increment(trial[flowing], start, stiffness)
-        share[flowing] = stiffness * increment / trial[flowing]
+        trial, increment = trial[flowing], np.zeros_like(start)
+        outside = trial > stress[flowing] * (1.0 + _ON_SURFACE)
+        increment[outside] = self._curve.increment(trial[outside], start[outside], stiffness)
+        share[flowing] = stiffness * increment / trial
         p[flowing] = start + increment
         return flowing, share, self._curve.stress_and_slope(p[flowing])[1]
 

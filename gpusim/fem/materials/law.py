@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+import numpy as np
+
 from gpusim.arrays.array_types import Float
 from gpusim.field_summary import field_summary
 
@@ -66,6 +68,11 @@ class Law(Material, Protocol):
     are symmetric. Asked again at the strain that a step ended with, from the state that it left, a
     law answers with the same stress: reactions are formed so.
 
+    A law may tell more than stress by another method, ``results(strain, state)``: values (…) or
+    (…,c) of the points by name, from the state that a step left. They are averaged at nodes as
+    stress is (`gpusim.fem.Stress.results`) and get to files under their names. "energy" means what
+    is stored per volume at rest; a law that doesn't tell it leaves the body's unknown.
+
     A strain that the law can't answer raises NotConverged, and the step is cut back. A law in
     logarithmic strain takes `LogarithmicStrain` for the way there and back, as `J2` does.
 
@@ -87,3 +94,9 @@ class Law(Material, Protocol):
     def update(self, strain: Float, state: Float | None, *, moduli: bool) -> Update:
         """Stress, moduli if wanted and new state at a Green-Lagrange strain (…,6), from the state
         (…,n) at the end of the last step."""
+
+
+def results_of(law: object, strain: Float, state: Float | None) -> dict[str, Float]:
+    """What ``law`` tells of points by name; an energy of NaN if it tells none."""
+    results: dict[str, Float] = {"energy": np.full(strain.shape[:-1], np.nan)}
+    return results | law.results(strain, state) if hasattr(law, "results") else results

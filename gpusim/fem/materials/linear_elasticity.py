@@ -10,7 +10,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
-from gpusim.fem.materials.law import Law, Material, Update
+from gpusim.fem.materials.law import Law, Material, Update, results_of
 from gpusim.validation import require
 
 _SAME = 1e-9  # of the stiffness' largest entry
@@ -32,6 +32,11 @@ class LinearElasticity(ABC):
         matrix = self.stiffness()
         stress = (strain.reshape(-1, 6) @ matrix).reshape(strain.shape)
         return Update(stress, matrix if moduli else None, None)
+
+    def results(self, strain: Float, state: Float | None) -> dict[str, Float]:
+        """The energy (…)."""
+        stress = self.update(strain, state, moduli=False).stress
+        return {"energy": 0.5 * (stress * strain).sum(axis=-1)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +69,7 @@ def law_of(material: Material, where: str) -> Law:
     if not hasattr(material, "update"):
         return LinearMaterial(material)
     missing = [name for name in ("state_size", "finite_strain") if not hasattr(material, name)]
-    if missing or not isinstance(material, Law):
+    if not isinstance(material, Law):
         got = f"update() without {' and '.join(missing)}"
         raise InputError(f"{where}: no law; got {got}; expected the members of gs.fem.Law")
     stiffness = np.asarray(material.stiffness())
@@ -105,4 +110,8 @@ def _answer(law: Law, strain: Float, where: str) -> tuple[Float, Float]:
     require(str(new) == expected, f"{where}: shape of update()'s state", new, expected)
     finite = np.isfinite(stress).all() and np.isfinite(moduli).all()
     require(bool(finite), f"{where}: update()", "values that aren't finite", "finite numbers")
+    for name, values in results_of(law, strain, state).items():
+        got = np.shape(values)
+        what = f"{where}: shape of results()'s {name!r}"
+        require(got[:2] == shape and len(got) <= 3, what, got, f"{shape} or {(*shape, 'c')}")
     return stress, moduli

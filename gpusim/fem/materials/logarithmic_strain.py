@@ -34,6 +34,7 @@ from gpusim.fem.materials.symmetric_tensors import (
     components_last,
     first_row_product,
     sandwich_product,
+    symmetric_sum,
 )
 
 _FLATTEST = 1e-3  # eigenvalue of C over the mean of its three
@@ -118,17 +119,12 @@ class LogarithmicStrain:
         return np.stack(
             [
                 stress,
-                _twice_symmetric(left[0]),
-                both[0, 0][ROW, COLUMN] + _twice_symmetric(left[1]),
-                _twice_symmetric(both[0, 1]),
+                symmetric_sum(left[0]),
+                both[0, 0][ROW, COLUMN] + symmetric_sum(left[1]),
+                symmetric_sum(both[0, 1]),
                 both[1, 1][ROW, COLUMN],
             ]
         )
-
-
-def _twice_symmetric(matrices: Float) -> Float:
-    """(6,P) components of a + a^t."""
-    return np.asarray(matrices[ROW, COLUMN] + matrices[COLUMN, ROW])
 
 
 def _node_count(second: Float, third: Float) -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from gpusim.fem.materials.symmetric_tensors import (
     FULL,
     components_last,
     sandwich_product,
-    symmetric_part,
+    symmetric_sum,
 )
 
 
@@ -41,9 +40,6 @@ class NeoHookean(IsotropicConstants):
     2252499.0
     """
 
-    state_size: ClassVar[int] = 0
-    finite_strain: ClassVar[bool] = True
-
     def update(self, strain: Float, state: Float | None, *, moduli: bool) -> Update:
         """Stress and moduli at a Green-Lagrange strain (…,6); no state."""
         E2 = 2.0 * tensor_components(strain)
@@ -51,7 +47,7 @@ class NeoHookean(IsotropicConstants):
         dilatation = 0.5 * self.lame * np.log1p(growth)
         # 1 - 1/C without cancellation at small strain
         product = np.einsum("ijp,jkp->ikp", inverse[FULL], E2[FULL])
-        stress = self.shear * symmetric_part(product) + dilatation * inverse
+        stress = 0.5 * self.shear * symmetric_sum(product) + dilatation * inverse
         stress = components_last(stress, strain.shape[:-1])
         if not moduli:
             return Update(stress, None, None)
@@ -60,3 +56,10 @@ class NeoHookean(IsotropicConstants):
         inverse = components_last(inverse, (-1,))
         matrices += self.lame * inverse[:, :, None] * inverse[:, None]
         return Update(stress, matrices.reshape(*strain.shape, 6), None)
+
+    def results(self, strain: Float, state: Float | None) -> dict[str, Float]:
+        """The energy (…)."""
+        E2 = 2.0 * tensor_components(strain)
+        logarithm = 0.5 * np.log1p(growth_and_inverse(E2)[0])
+        energy = self.shear * (0.5 * E2[:3].sum(axis=0) - logarithm)
+        return {"energy": (energy + 0.5 * self.lame * logarithm**2).reshape(strain.shape[:-1])}

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.errors import InputError
-from gpusim.fem.materials.constants import FROM_ZERO, constant
+from gpusim.fem.materials.constants import ANY, FROM_ZERO, POSITIVE, constant
 from gpusim.fem.materials.linear_elasticity import LinearElasticity
-from gpusim.fem.materials.symmetric_tensors import strain_rotation
-from gpusim.validation import real_numbers, require
+from gpusim.fem.materials.symmetric_tensors import COLUMN, ENGINEERING, ROW, strain_congruence
+from gpusim.validation import finite_numbers, require, unmasked
 
 Triple = tuple[float, float, float]
 
@@ -21,6 +20,7 @@ Triple = tuple[float, float, float]
 _SHEAR = ((0, 1), (1, 2), (2, 0))
 
 
+@unmasked()
 @dataclass(frozen=True)
 class Orthotropic(LinearElasticity):
     """Linear orthotropic elasticity, in any consistent units.
@@ -57,14 +57,12 @@ class Orthotropic(LinearElasticity):
     axes: tuple[Triple, Triple, Triple] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
     def __post_init__(self) -> None:
-        for name, expected in (("E", "> 0"), ("nu", ""), ("G", "> 0"), ("expansion", "")):
-            given = getattr(self, name)
-            values = _numbers(given, (3,))
-            good = values is not None and (expected == "" or bool((values > 0.0).all()))
-            what = f"Orthotropic: {name} out of range"
-            require(good, what, repr(given), f"three numbers {expected}".rstrip())
-            assert values is not None
-            object.__setattr__(self, name, tuple(values.tolist()))
+        for name, rule in (("E", POSITIVE), ("nu", ANY), ("G", POSITIVE), ("expansion", ANY)):
+            given, what = getattr(self, name), f"Orthotropic: {name} out of range"
+            count = len(given) if isinstance(given, Sequence) else np.shape(given)
+            require(count in (3, (3,)), what, repr(given), f"three of {rule.expected}")
+            values = tuple(constant(one, f"Orthotropic: {name}", rule) for one in given)
+            object.__setattr__(self, name, values)
         density = constant(self.density, "Orthotropic: density", FROM_ZERO)
         object.__setattr__(self, "density", density)
         object.__setattr__(self, "axes", _rotation(self.axes))
@@ -78,7 +76,7 @@ class Orthotropic(LinearElasticity):
         in_axes = np.zeros((6, 6))
         in_axes[:3, :3] = np.linalg.inv(compliance[:3, :3])
         in_axes[np.arange(3, 6), np.arange(3, 6)] = self.G
-        turn = strain_rotation(np.array(self.axes))
+        turn = strain_congruence(np.array(self.axes))
         matrix = turn.T @ in_axes @ turn
         return np.asarray(0.5 * (matrix + matrix.T))
 
@@ -86,26 +84,12 @@ class Orthotropic(LinearElasticity):
         """(6,) free strain per unit of temperature change in global axes, engineering shear."""
         axes = np.array(self.axes)
         strain = axes.T @ np.diag(self.expansion) @ axes
-        shear = [2.0 * strain[i, j] for i, j in _SHEAR]
-        return np.array([*np.diag(strain), *shear])
-
-
-def _numbers(value: Any, shape: tuple[int, ...]) -> Float | None:
-    """Finite float64 of that shape, or None."""
-    if isinstance(value, Sequence) and any(isinstance(one, bool) for one in value):
-        return None
-    try:
-        array = real_numbers(value, "")
-    except InputError:
-        return None
-    return array if array.shape == shape and bool(np.isfinite(array).all()) else None
+        return np.asarray(strain[ROW, COLUMN] * ENGINEERING)
 
 
 def _rotation(value: Any) -> tuple[Triple, ...]:
-    axes = _numbers(value, (3, 3))
     expected = "three orthonormal rows, right-handed"
-    require(axes is not None, "Orthotropic: axes", repr(value), expected)
-    assert axes is not None
+    axes = finite_numbers(value, "Orthotropic: axes", [(3, 3)], expected)
     off = float(np.abs(axes @ axes.T - np.eye(3)).max())
     what = f"Orthotropic: axes are off orthonormal by {off:.2g}"
     require(off <= 1e-6, what, axes.tolist(), expected)

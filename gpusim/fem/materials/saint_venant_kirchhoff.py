@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from gpusim.arrays.array_types import Float
 from gpusim.fem.materials.cauchy_green import tensor_components
@@ -33,8 +32,6 @@ class SaintVenantKirchhoff(IsotropicConstants, LinearElasticity):
     >>> (steel.update(strain, None, moduli=False).stress / 1e6).round(6)
     array([240.,  80.,  80.,   0.,   0.,   0.])
     """
-
-    finite_strain: ClassVar[bool] = True
 
     def update(self, strain: Float, state: Float | None, *, moduli: bool) -> Update:
         """Stress linear in the strain (…,6); moduli (6,6), the same everywhere; no state."""

@@ -37,9 +37,9 @@ def first_row_product(a: Float, b: Float) -> Float:
     return np.asarray(a[0] * b[0] + a[3] * b[3] + a[5] * b[5])
 
 
-def symmetric_part(matrices: Float) -> Float:
-    """(6,…) components of (a + a^t) / 2, of matrices (3,3,…)."""
-    return np.asarray(0.5 * (matrices[ROW, COLUMN] + matrices[COLUMN, ROW]))
+def symmetric_sum(matrices: Float) -> Float:
+    """(6,…) components of a + a^t, of matrices (3,3,…)."""
+    return np.asarray(matrices[ROW, COLUMN] + matrices[COLUMN, ROW])
 
 
 def components_last(a: Float, shape: tuple[int, ...]) -> Float:
@@ -74,17 +74,18 @@ def sandwich_product(a: Float, b: Float) -> Float:
     return np.asarray(products.T @ _REARRANGED).reshape(-1, 6, 6)
 
 
-def strain_rotation(axes: npt.NDArray[Any]) -> Float:
-    """(6,6) T with strain along ``axes`` (rows) = T strain in global axes (engineering shear).
+def strain_congruence(a: npt.NDArray[Any]) -> Float:
+    """(…,6,6) T with a e a^t = T e for strains e with engineering shear, of matrices (…,3,3).
 
-    e'_ij = a_ik a_jl e_kl. Stress turns with the inverse transpose, stiffness as T^t C T.
+    If the rows of a are axes, T e is the strain along them. Stress turns with the inverse
+    transpose, stiffness as T^t C T.
     """
     pairs = tuple(zip(ROW, COLUMN, strict=True))
-    matrix = np.empty((6, 6))
+    matrix = np.empty((*a.shape[:-2], 6, 6))
     for row, (i, j) in enumerate(pairs):
         for column, (k, m) in enumerate(pairs):
-            value = axes[i, k] * axes[j, m]
+            value = a[..., i, k] * a[..., j, m]
             if k != m:
-                value = 0.5 * (value + axes[i, m] * axes[j, k])
-            matrix[row, column] = value if row < 3 else 2.0 * value
+                value = 0.5 * (value + a[..., i, m] * a[..., j, k])
+            matrix[..., row, column] = value if row < 3 else 2.0 * value
     return matrix

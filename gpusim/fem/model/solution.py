@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -38,7 +39,8 @@ class LoadStep:
     ``u`` (N,3); ``reactions`` (N,3) forces of the supports; ``iterations`` of Newton's method,
     those of the ``substeps`` on the way included; ``error_estimate`` relative, of the greatest
     displacement; ``wanted``: asked for, and not a point on the way past a limit point. ``stress``:
-    of steps that are wanted, Cauchy stress and logarithmic strain (`gpusim.fem.Stress`).
+    of steps that are wanted, Cauchy stress, logarithmic strain and more (`gpusim.fem.Stress`).
+    ``external_work``: of loads and supports along the path, by the trapezoidal rule.
 
     Examples
     --------
@@ -61,7 +63,28 @@ class LoadStep:
     substeps: int
     wanted: bool
     stress: Stress | None = None
+    external_work: float = 0.0
     __repr__ = field_summary
+
+    @property
+    def strain_energy(self) -> float:
+        """What the laws store; NaN where a law doesn't tell it, and without stress."""
+        return np.nan if self.stress is None else self.stress.strain_energy
+
+
+def load_path_results(steps: Sequence[LoadStep], last: LoadStep) -> dict[str, Any]:
+    """What a `Solution` has of load ``steps`` that end with, or after, the ``last`` one."""
+    every = [one for step in steps for one in step.iterations]
+    return {
+        "u": last.u,
+        "reactions": last.reactions,
+        "error_estimate": max((step.error_estimate for step in steps), default=1.0),
+        "iterations": sum(one.solver_iterations for one in every),
+        "residuals": np.array([[one.residual] for one in last.iterations]),
+        "strain_energy": np.array([last.strain_energy]),
+        "external_work": np.array([last.external_work]),
+        "steps": tuple(steps),
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,12 +103,13 @@ class Solution:
         freedom. Their relative error may be far larger than that of u where stiff parts are held by
         soft ones.
     strain_energy, external_work : (L,), u.Ku/2 and (forces . u + reactions . u)/2; they agree
-        when the solve has converged. Of a nonlinear analysis both are the work of loads and
-        supports from step to step by the trapezoidal rule, so that they tell no error: of one step
-        it may be off by half, of ten by a percent.
+        when the solve has converged. Of a nonlinear analysis the energy that its laws store in the
+        last step (NaN where a law doesn't tell it), and the work of loads and supports up to there
+        by the trapezoidal rule: of one step it may be off by half, of ten by a percent. What
+        they differ by is that, what has been dissipated, and what heat has done.
     unknowns : free degrees of freedom, less those that constraints give up. message : why the solve
         ended. warnings : what a reader should know (dangling nodes). timings : seconds per part.
-        backend, real, method, element_classes, row_classes : how it was computed. reasons : the
+        backend, real, method, element_classes : how it was computed. reasons : the
         solver's choices and why, one a line. model : what was solved; None where nobody said it.
         steps : of a nonlinear analysis, in their order; u and reactions are those of the last one.
 
@@ -115,7 +139,6 @@ class Solution:
     real: str
     method: str
     element_classes: int
-    row_classes: int
     reasons: tuple[str, ...] = ()
     model: Model | None = None
     steps: tuple[LoadStep, ...] = ()

@@ -51,7 +51,7 @@ class CoarseSolver:
 
     def __init__(self, matrix: bsr_matrix, mask: Bool, order: Long | None) -> None:
         self.unknowns = int(matrix.shape[0])
-        self.matrix, self.order = matrix, order
+        self._matrix = matrix
         rows = np.arange(len(mask)) if order is None else order
         unknown = np.arange(self.unknowns).reshape(mask.shape)
         self._kept = unknown[rows][mask[rows]]
@@ -68,7 +68,7 @@ class CoarseSolver:
         """The lower triangle and the diagonal of the unknowns that exist, in order."""
         place = np.full(self.unknowns, -1)
         place[self._kept] = np.arange(len(self._kept))
-        whole = self.matrix.tocoo()
+        whole = self._matrix.tocoo()
         row, column = place[whole.row], place[whole.col]
         existing = (row >= 0) & (column >= 0)
         row, column, value = row[existing], column[existing], whole.data[existing]

@@ -39,8 +39,8 @@ _CHUNK = 2048
 @dataclass(frozen=True, eq=False)
 class Coarser:
     """``interpolation`` (N,K) from the coarse nodes; ``kept`` (K,) are their numbers on the
-    fine level; ``groups`` the coarse elements, fixed unknowns zeroed; ``lattice`` of the coarse
-    nodes, or None."""
+    fine level; ``groups`` the coarse elements, fixed unknowns zeroed, none where they would have to
+    be formed from those of a tangent; ``lattice`` of the coarse nodes, or None."""
 
     interpolation: csr_matrix | PlaneWeights
     kept: Int
@@ -71,6 +71,8 @@ def drop_midsides(groups: Sequence[Elements], free: Bool) -> Coarser:
             rows.append(np.repeat(node, len(parents)).astype(np.int32))
             columns.append(number[group.cells[np.ix_(first, np.array(parents))]].ravel())
             values.append(np.full(len(node) * len(parents), 1.0 / len(parents)))
+        if not isinstance(group, Group | DistinctGroup):
+            continue  # a tangent's: they would have to answer again, and their sum is there
         if isinstance(group, DistinctGroup) and isinstance(group.source, StraightTets):
             # linear elements are theirs without midsides, but for fixed unknowns
             touched = np.asarray(~free[group.cells].all(axis=(1, 2)))

@@ -28,15 +28,13 @@ from gpusim.fem.multigrid.geometric_coarsening import (
 )
 from gpusim.fem.multigrid.mapped_coarsening import mapped_lattice
 from gpusim.fem.multigrid.smoothed_aggregation import (
-    Aggregates,
-    aggregated,
     galerkin,
     largest_eigenvalue,
     prolongator,
 )
 from gpusim.fem.multigrid.smoothers import Relaxation, chebyshev
 from gpusim.fem.multigrid.transfer import MatrixTransfer, NodeTransfer, PlaneWeights, Transfer
-from gpusim.fem.sparse.block_rows import BlockRows, invert_repeated
+from gpusim.fem.sparse.block_rows import invert_repeated
 from gpusim.fem.sparse.matrix_product import Product
 from gpusim.mesh.cell_types import CELL_TYPES
 
@@ -69,20 +67,18 @@ _LIGHT_RANGE = 8.0
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """One level: its matrix (3x3 or 6x6 blocks) as host product, which unknowns are ``free`` (B,s),
-    inverted diagonal blocks (B,s,s), greatest eigenvalue of D^-1 A, and the transfer to the next
-    coarser level. Where a ``smoother`` of columns serves instead, the eigenvalue is its own.
-    ``single_step``: one step of smoothing is enough, because the coarser level has the same
-    elements. ``twice``: a cycle goes through this level and what is below twice, as aggregated
-    levels are cheap, and poor where bodies are flat or long (see ``Multigrid``)."""
+    """One level: its matrix (3x3 or 6x6 blocks) as host product, inverted diagonal blocks
+    (B,s,s), greatest eigenvalue of D^-1 A, and the transfer to the next coarser level. Where a
+    ``smoother`` of columns serves instead, the eigenvalue is its own. ``single_step``: one
+    step of smoothing is enough, because the coarser level has the same elements. ``twice``: a cycle
+    goes through this level and what is below twice, as aggregated levels are cheap, and poor where
+    bodies are flat or long (see ``Multigrid``)."""
 
     product: Product | StencilProduct
-    free: Bool
     inverse: Float
     largest: float
     transfer: Transfer
     smoother: Columns | None = None
-    aggregates: Aggregates | None = None
     single_step: bool = False
     twice: bool = False
 
@@ -138,11 +134,14 @@ def build_hierarchy(
             largest = max(_element_bound(_distinct_matrices(group)) for group in groups)
         else:
             largest = largest_eigenvalue(product, inverse, _FEW_STEPS if single_step else _STEPS)
-        levels.append(Level(product, free, inverse, largest, transfer, single_step=single_step))
+        levels.append(Level(product, inverse, largest, transfer, single_step=single_step))
         groups, lattice, free = coarser.groups, coarser.lattice, transfer.coarse_free
         points = points[coarser.kept]
         if lattice is not None:
             product = lattice_stencil(only_group(groups), lattice, scale).operator
+        elif not groups:
+            assert isinstance(product, Product)
+            product = Product(galerkin(product, transfer.matrix))
         else:
             matrix = group_matrix(groups, len(points))
             matrix.data /= scale
@@ -158,52 +157,6 @@ def build_hierarchy(
     return _aggregate(levels, product, free, points, longest, column, uneven_stiffness)
 
 
-def rebuilt(hierarchy: Hierarchy, rows: BlockRows, system: System, points: Float) -> Hierarchy:
-    """The levels for other values of the stiffness, and ``points`` (N,3) where the same nodes with
-    the same supports are now: weights of nodes, aggregates and patterns stay, the rest is made
-    anew."""
-    product, mask, near_null = _assembled(finest_product(rows, system)), system.free, None
-    levels: list[Level] = []
-    coarser = [_assembled(level.product).matrix for level in hierarchy.levels[1:]]
-    for level, like in zip(hierarchy.levels, [*coarser, hierarchy.coarsest.matrix], strict=True):
-        inverse, transfer, smoother = product.block_inverse(mask), level.transfer, level.smoother
-        if smoother is not None:
-            smoother = Columns(product, mask, smoother.column)
-        # beside what more steps have told of values much like these, a few are enough
-        fewer_steps = largest_eigenvalue(product, smoother or inverse, _FEW_STEPS)
-        largest, free = max(level.largest, fewer_steps), mask
-        if isinstance(transfer, NodeTransfer):
-            points, mask = points[transfer.kept], transfer.coarse_free
-        else:
-            assert level.aggregates is not None
-            near_null = _near_null(points, mask) if near_null is None else near_null
-            single = transfer.matrix.dtype == np.float32
-            prolongation, near_null, mask = prolongator(
-                product, smoother or inverse, largest, near_null, level.aggregates, single
-            )
-            transfer = MatrixTransfer(prolongation)
-        levels.append(
-            Level(
-                product, free, inverse, largest, transfer, smoother, level.aggregates,
-                level.single_step, level.twice,
-            )
-        )  # fmt: skip
-        product = Product(galerkin(product, transfer.matrix, like))
-    solver = CoarseSolver(product.matrix, mask, hierarchy.coarsest.order)
-    return Hierarchy(tuple(levels), solver, _lowest_eigenvalue(solver, levels, product.matrix))
-
-
-def _near_null(points: Float, free: Bool) -> Float:
-    """(N,3,6) rigid motions of nodes at ``points`` (N,3)."""
-    origin = points.mean(axis=0)
-    length = float(np.abs(points - origin).max()) or 1.0
-    return rigid_modes(points, origin, length) * free[:, :, None]
-
-
-def _assembled(product: Product | StencilProduct) -> Product:
-    return product if isinstance(product, Product) else Product(product.matrix)
-
-
 def _by_sheets(
     levels: list[Level], product: Product, group: Elements, free: Bool, points: Float
 ) -> tuple[Product, Bool, Float]:
@@ -217,7 +170,7 @@ def _by_sheets(
         transfer = NodeTransfer(weights, free, weights.kept)
         inverse = product.block_inverse(free)
         largest = largest_eigenvalue(product, inverse, _STEPS)
-        levels.append(Level(product, free, inverse, largest, transfer))
+        levels.append(Level(product, inverse, largest, transfer))
         product = Product(galerkin(product, transfer.matrix))
         lattice, free, points = weights.coarse, transfer.coarse_free, points[weights.kept]
     return product, free, points
@@ -288,8 +241,8 @@ def _geometric(
 
 def _on_lattice(coarser: Coarser, points: Float) -> Coarser:
     """The same, with the lattice of the coarse hex8 elements where there is one."""
-    group = coarser.groups[0]
-    if len(coarser.groups) != 1 or group.name != "hex8" or not isinstance(group, Group):
+    group = coarser.groups[0] if len(coarser.groups) == 1 else None
+    if not isinstance(group, Group) or group.name != "hex8":
         return coarser
     lattice = find_lattice(points, group.cells)
     if lattice is None:
@@ -313,12 +266,14 @@ def _aggregate(
 ) -> Hierarchy:
     """Aggregate until a few hundred unknowns remain, or ``longest`` in a narrow band; at first by
     ``column``, where nodes stand in columns."""
-    near_null, mask = _near_null(points, free), free
+    origin = points.mean(axis=0)
+    length = float(np.abs(points - origin).max()) or 1.0
+    near_null, mask = rigid_modes(points, origin, length) * free[:, :, None], free
     stalled = False
     unknowns = free.size
     narrow = None
     while not levels or (unknowns > _COARSEST and not stalled):
-        matrix_product = _assembled(product)
+        matrix_product = product if isinstance(product, Product) else Product(product.matrix)
         if levels and unknowns <= longest:
             narrow = narrow_order(matrix_product.matrix, levels[0].product.unknowns)
             if narrow is not None:
@@ -326,17 +281,13 @@ def _aggregate(
         inverse = product.block_inverse(mask)
         smoother = None if column is None else Columns(matrix_product, mask, column)
         largest = largest_eigenvalue(product, smoother or inverse, _STEPS)
-        aggregates = aggregated(matrix_product, smoother or inverse, mask)
         single = not uneven_stiffness
-        prolongation, near_null, coarse_mask = prolongator(
-            matrix_product, smoother or inverse, largest, near_null, aggregates, single
+        prolongation, near_null, mask = prolongator(
+            matrix_product, smoother or inverse, largest, near_null, mask, single
         )
         coarser, transfer = galerkin(matrix_product, prolongation), MatrixTransfer(prolongation)
         twice = inverse.shape[1] == 6 and single
-        levels.append(
-            Level(product, mask, inverse, largest, transfer, smoother, aggregates, twice=twice)
-        )
-        mask = coarse_mask
+        levels.append(Level(product, inverse, largest, transfer, smoother, twice=twice))
         column = None
         unknowns = coarser.shape[0]
         stalled = unknowns > 0.9 * product.unknowns

@@ -31,39 +31,32 @@ _MOST_PARTS, _LEAST_PART = 64, 25_000
 _ON_TOP = 1.03
 
 
-Aggregates = tuple[Long, int]
-"""Number of each block row's aggregate (B,), -1 where nothing is free, and how many there are."""
-
-
-def aggregated(matrix: Product, inverse: Float | Columns, mask: Bool) -> Aggregates:
-    """Aggregates of the block rows of a matrix whose unknowns ``mask`` (B,s) are free; columns
-    stay together."""
-    if not isinstance(inverse, Columns):
-        return _shrinking_aggregates(matrix.others, matrix.diagonal, mask)
-    links, weight, alive = _between(matrix.others, matrix.diagonal, mask, inverse.column)
-    aggregate, count = _shrinking_aggregates(links, weight, alive)
-    return np.where(mask.any(axis=1), aggregate[inverse.column], -1), count
-
-
 def prolongator(
     matrix: Product,
     inverse: Float | Columns,
     largest: float,
     near_null: Float,
-    aggregates: Aggregates,
+    mask: Bool,
     single: bool,
 ) -> tuple[bsr_matrix, Float, Bool]:
     """(P, the coarser level's near-null space (C,6,6), which of its unknowns exist (C,6)); P with
     blocks of s x 6, in float32 if it is to be ``single``.
 
     ``matrix`` has s x s blocks, ``inverse`` (B,s,s) its inverted diagonal blocks, or columns that
-    stay together, ``largest`` bounds the eigenvalues of D^-1 A, ``near_null`` (B,s,6).
+    stay together, ``largest`` bounds the eigenvalues of D^-1 A, ``near_null`` (B,s,6), ``mask``
+    (B,s) free.
 
     Of block rows the diagonal is stored apart, and is taken into account apart: the matrix is the
     largest thing there is, and a copy of it with the diagonal in place isn't needed.
     """
-    off, scale = matrix.others, matrix.scale
-    tentative, coarse_null, coarse_mask = _tentative(near_null, *aggregates)
+    off, diagonal, scale = matrix.others, matrix.diagonal, matrix.scale
+    if isinstance(inverse, Columns):
+        links, weight, alive = _between(off, diagonal, mask, inverse.column)
+        aggregate, count = _shrinking_aggregates(links, weight, alive)
+        aggregate = np.where(mask.any(axis=1), aggregate[inverse.column], -1)
+    else:
+        aggregate, count = _shrinking_aggregates(off, diagonal, mask)
+    tentative, coarse_null, coarse_mask = _tentative(near_null, aggregate, count)
     # P = (I - 4/(3 lambda) D^-1 A) T, with D^-1 D T = T
     step = 4.0 / (3.0 * largest)
     if isinstance(inverse, Columns):
@@ -125,16 +118,10 @@ def _between(
     return between, np.sqrt(within)[:, None, None], alive
 
 
-def galerkin(
-    matrix: Product, prolongation: bsr_matrix, like: bsr_matrix | None = None
-) -> bsr_matrix:
-    """P^T A P in float64, in blocks as wide as those of the ``prolongation``; where that of other
-    values is known, ``like`` it."""
+def galerkin(matrix: Product, prolongation: bsr_matrix) -> bsr_matrix:
+    """P^T A P in float64, in blocks as wide as those of the ``prolongation``."""
     width = prolongation.blocksize[1]
-    if like is not None and like.has_sorted_indices:
-        start, column = like.indptr, like.indices
-    else:
-        start, column = _pattern(matrix, prolongation)
+    start, column = _pattern(matrix, prolongation)
     count = len(start) - 1
     # blocks of the result by row and column, ascending
     place = np.repeat(np.arange(count), np.diff(start)) * count + column
@@ -263,7 +250,7 @@ def largest_eigenvalue(
     return _ON_TOP * float(values[0] + beta * abs(vectors[-1, 0]))
 
 
-def _shrinking_aggregates(matrix: bsr_matrix, blocks: Float, mask: Bool) -> Aggregates:
+def _shrinking_aggregates(matrix: bsr_matrix, blocks: Float, mask: Bool) -> tuple[Long, int]:
     """Aggregates by strong links; by weaker ones where these don't coarsen enough. ``blocks``
     (B,s,s) are the diagonal ones, whether ``matrix`` has them or not."""
     rows = len(blocks)
@@ -274,7 +261,7 @@ def _shrinking_aggregates(matrix: bsr_matrix, blocks: Float, mask: Bool) -> Aggr
     return aggregate, count
 
 
-def _aggregate(matrix: bsr_matrix, blocks: Float, mask: Bool, strength: float) -> Aggregates:
+def _aggregate(matrix: bsr_matrix, blocks: Float, mask: Bool, strength: float) -> tuple[Long, int]:
     """Aggregate number of each block row, -1 where nothing is free."""
     count = len(blocks)
     row = np.repeat(np.arange(count, dtype=np.int32), np.diff(matrix.indptr))

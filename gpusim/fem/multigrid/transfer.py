@@ -106,8 +106,7 @@ class NodeTransfer:
     (N,3) are left out."""
 
     def __init__(self, interpolation: csr_matrix | PlaneWeights, free: Bool, kept: Int) -> None:
-        self.interpolation, self.kept = interpolation, kept
-        self.free, self.coarse_free = free, free[kept]
+        self.interpolation, self.free, self.coarse_free = interpolation, free, free[kept]
 
     @cached_property
     def weights(self) -> csr_matrix:

@@ -3,6 +3,7 @@
 In the order in which data passes:
 
 - `linear_static`: Linear statics: K u = f to a stated displacement error.
+- `line_search`: How far to go along a step of Newton's method, by the work that is left to gain.
 - `newton`: Newton's method for one load step.
 - `arc_length`: Arc length: the path of equilibria past limit points, where load factors turn back.
 - `load_steps`: Load steps: one equilibrium after another, with smaller steps where Newton's method

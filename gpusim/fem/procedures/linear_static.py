@@ -104,7 +104,6 @@ def _solution(
         backend=outcome.backend,
         real=outcome.real,
         element_classes=rows.element_classes,
-        row_classes=rows.class_count,
         reasons=plan.lines,
         model=model,
     )

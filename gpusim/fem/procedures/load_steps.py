@@ -48,26 +48,38 @@ def load_steps(
     Raises NotConverged where none is found: what has been yielded stays right.
     """
     u, begin = np.zeros_like(equation.model.mesh.points), np.zeros(targets.shape[1])
-    any_end, wanted = replace(controls, stable=False), controls
+    wanted = controls
     for number, target in enumerate(targets, start=1):
         stepping = _Stepping(LoadPath(begin, target), u)
         try:
-            _by_halving(equation, solver, stepping, wanted)
-        except NotConverged:
-            try:
-                if not (equation.by_forces_alone(target - begin) and stepping.substeps):
-                    _by_halving(equation, solver, stepping, any_end)
-                else:
-                    for point in _by_arc_length(equation, solver, stepping, any_end):
-                        yield _step(equation, stepping, stepping.path.factors(point.s), False)
-                        stepping.iterations, stepping.substeps = [], 0
-            except NotConverged as last:
-                where = f"load step {number} of {len(targets)}, at {stepping.done:.3g} of it"
-                raise NotConverged(f"{where}: {last}") from None
+            for point in _passed(equation, solver, stepping, wanted):
+                yield _step(equation, stepping, stepping.path.factors(point.s), False)
+                stepping.iterations, stepping.substeps = [], 0
+        except NotConverged as last:
+            where = f"load step {number} of {len(targets)}, at {stepping.done:.3g} of it"
+            raise NotConverged(f"{where}: {last}") from None
         yield _step(equation, stepping, target, True)
         u, begin = stepping.u, target
         # no stable way leads on from where a body isn't
-        wanted = controls if stepping.iterations[-1].definite else any_end
+        stable = controls.stable and stepping.iterations[-1].definite
+        wanted = replace(controls, stable=stable)
+
+
+def _passed(
+    equation: Equation, solver: TangentSolver, stepping: _Stepping, controls: Controls
+) -> Iterator[PathPoint]:
+    """To the end of the path, past the points by arc length that are yielded: with stable ends if
+    there is such a way."""
+    try:
+        _by_halving(equation, solver, stepping, controls)
+        return
+    except NotConverged:
+        any_end = replace(controls, stable=False)
+    path = stepping.path
+    if equation.by_forces_alone(path.target - path.begin) and stepping.substeps:
+        yield from _by_arc_length(equation, solver, stepping, any_end)
+    else:
+        _by_halving(equation, solver, stepping, any_end)
 
 
 def _by_halving(

@@ -1,16 +1,18 @@
 """Newton's method for one load step.
 
-The geometric part of a tangent takes, from the second iteration on, the stresses that the linear
-part of the last step foretold in place of those of the state that it ended in (mixed integration
-points; Magisano, Leonetti & Garcea, IJNME 109 (2017) 1237): a slender body passes through states of
-huge membrane forces on its way, whose tangents lead nowhere. Where that doesn't settle, plain
-iterations begin anew. A line search isn't made: along the residual's work it stops at once.
+Where laws are elastic, the geometric part of a tangent takes, from the second iteration on, the
+stresses that the linear part of the last step foretold in place of those of the state that it ended
+in (mixed integration points; Magisano, Leonetti & Garcea, IJNME 109 (2017) 1237): a slender body
+passes through states of huge membrane forces on its way, whose tangents lead nowhere. Where points
+have a history, steps that go too far are shortened (`line_search`). Where that doesn't settle,
+plain iterations begin anew: a line search stops at once what passes through membrane forces.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from enum import Enum
 from itertools import pairwise
 
 import numpy as np
@@ -20,9 +22,8 @@ from gpusim.errors import NotConverged
 from gpusim.fem.assembly.equation import Equation
 from gpusim.fem.linear.tangent_solver import TangentSolver
 from gpusim.fem.model.solution import Iteration
+from gpusim.fem.procedures.line_search import line_search
 
-# iterations with foretold stresses, and without
-_MOST_MIXED, _MOST_PLAIN = 12, 25
 # of the motion: a step below it is rounding
 _ROUNDING = 1e-13
 # an iterate this many times as large as the body has left for good
@@ -42,16 +43,24 @@ class Equilibrium:
         return self.iterations[-1].error_estimate
 
 
+class Steps(Enum):
+    """Of an iteration, with the number of them after which they won't settle."""
+
+    FORETOLD = "foretold", 12
+    SEARCHED = "searched", 30
+    PLAIN = "plain", 25
+
+
 @dataclass(frozen=True)
 class Controls:
     """``tolerance`` of the displacements in equilibrium, relative; ``forcing``: that of each linear
-    solution; ``foretell``: first with foretold stresses; ``stable``: an equilibrium whose tangent
-    is symmetric, but indefinite, is none; ``progress`` is called with (iterations, estimated
+    solution; which ``steps`` are tried first; ``stable``: an equilibrium whose tangent is
+    symmetric, but indefinite, is none; ``progress`` is called with (iterations, estimated
     error)."""
 
     tolerance: float
     forcing: float
-    foretell: bool
+    steps: Steps
     stable: bool
     progress: Callable[[int, float], None] | None = None
 
@@ -64,40 +73,34 @@ def equilibrium(
     Raises NotConverged, with the elements back where they were.
     """
     begun = equation.snapshot()
-    causes = []
-    for foretell, most in ((True, _MOST_MIXED), (False, _MOST_PLAIN)):
-        if foretell and not controls.foretell:
-            continue
-        try:
-            return _iterated(equation, solver, u, factors, controls, foretell, most)
-        except NotConverged as error:
-            causes.append(str(error))
-            equation.restore(begun)
-    raise NotConverged(causes[-1])
+    try:
+        return _iterated(equation, solver, u, factors, controls)
+    except NotConverged:
+        equation.restore(begun)
+    try:
+        return _iterated(equation, solver, u, factors, replace(controls, steps=Steps.PLAIN))
+    except NotConverged:
+        equation.restore(begun)
+        raise
 
 
 def _iterated(
-    equation: Equation,
-    solver: TangentSolver,
-    u: Float,
-    factors: Float,
-    controls: Controls,
-    foretell: bool,
-    most: int,
+    equation: Equation, solver: TangentSolver, u: Float, factors: Float, controls: Controls
 ) -> Equilibrium:
     extent = float(np.ptp(equation.model.mesh.points, axis=0).max())
-    done: list[Iteration] = []
-    equation.forget_foretold()
     # a body that is unloaded comes back to nothing: errors are told of where it was
     begun = float(np.abs(u).max())
+    done: list[Iteration] = []
     steps: list[float] = []
-    while len(done) < most:
-        tangent = equation.linearised(u, factors)
-        given = equation.missing(u, factors)
+    _, most = controls.steps.value
+    equation.forget_foretold()
+    tangent = equation.linearised(u, factors)
+    while True:
+        given = equation.missing(tangent.u, factors)
         found = solver.correction(tangent, tangent.residual[None], given[None], controls.forcing)
         du = found.du[0]
-        equation.advance(u, du, foretell)
-        u = u + du
+        equation.advance(tangent.u, du, controls.steps is Steps.FORETOLD)
+        u = tangent.u + du
         step, size = float(np.abs(du).max()), max(float(np.abs(u).max()), begun)
         if not size <= _LOST * extent:
             raise NotConverged(
@@ -119,10 +122,15 @@ def _iterated(
             if controls.stable and not definite and tangent.skew is None:
                 raise NotConverged("got an equilibrium that isn't stable; expected a stable one")
             return Equilibrium(u, tuple(done))
-    raise NotConverged(
-        f"got steps of {done[-1].step:.2g} of the displacement after {most} iterations; "
-        f"expected an error of {controls.tolerance:.1e}"
-    )
+        if len(done) == most:
+            raise NotConverged(
+                f"got steps of {done[-1].step:.2g} of the displacement after {most} iterations; "
+                f"expected an error of {controls.tolerance:.1e}"
+            )
+        if controls.steps is Steps.SEARCHED and not given.any():
+            tangent = line_search(equation, tangent, du)
+        else:
+            tangent = equation.linearised(u, factors)
 
 
 def error_left(steps: Sequence[float], forcing: float) -> float:
@@ -131,7 +139,7 @@ def error_left(steps: Sequence[float], forcing: float) -> float:
     doesn't shrink, tells nothing. The worse of two counts: steps may be small by turns."""
     shrink = max((after / before for before, after in pairwise(steps[-3:])), default=1.0)
     if not shrink < 0.5:
-        return steps[-1]
+        return max(steps[:-3:-1])
     return steps[-1] * max(shrink / (1.0 - shrink), forcing)
 
 

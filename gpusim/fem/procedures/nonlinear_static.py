@@ -16,9 +16,9 @@ from gpusim.fem.linear.solve_plan import Options
 from gpusim.fem.linear.tangent_solver import TangentSolver
 from gpusim.fem.materials.law import Law
 from gpusim.fem.model.model import Model
-from gpusim.fem.model.solution import LoadStep, Solution
+from gpusim.fem.model.solution import LoadStep, Solution, load_path_results
 from gpusim.fem.procedures.load_steps import load_steps
-from gpusim.fem.procedures.newton import Controls
+from gpusim.fem.procedures.newton import Controls, Steps
 from gpusim.fem.recovery.cauchy_stress import cauchy_stress
 
 # relative accuracy of linear solutions where all laws are elastic, and where points flow
@@ -27,7 +27,8 @@ _FORCING, _PLASTIC_FORCING = 1e-4, 1e-2
 _SMALL_STRAIN = 0.02
 # what is said of equilibria without a positive definite tangent
 _UNSTABLE = (
-    "isn't stable: the body would buckle (a small imperfection of mesh or load shows where to)"
+    "isn't stable: the body would buckle (a small imperfection of mesh or load shows where to), or "
+    "its material softens"
 )
 _UNCERTAIN = (
     "may not be stable: loads that follow have no potential there, and the symmetric part of the "
@@ -47,7 +48,8 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
     solver = TangentSolver(equation, options)
     history = any(isinstance(law, Law) and law.state_size for law in model.materials)
     forcing = _PLASTIC_FORCING if history else _FORCING
-    controls = Controls(options.tolerance, forcing, not history, True, options.progress)
+    first = Steps.SEARCHED if history else Steps.FORETOLD
+    controls = Controls(options.tolerance, forcing, first, True, options.progress)
     steps: list[LoadStep] = []
     message = "converged"
     try:
@@ -61,18 +63,12 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
             raise
         message = str(error)
     options.clock.mark("load steps")
-    last, every = steps[-1], [one for step in steps for one in step.iterations]
-    work = float(path_work(model, steps)[-1])
+    steps = _with_work(model, steps)
+    last = steps[-1]
     reasons = () if solver.plan is None else solver.plan.lines
     return Solution(
-        u=last.u,
+        **load_path_results(steps, last),
         converged=message == "converged",
-        error_estimate=max(step.error_estimate for step in steps),
-        iterations=sum(one.solver_iterations for one in every),
-        residuals=np.array([[one.residual] for one in last.iterations]),
-        reactions=last.reactions,
-        strain_energy=np.array([work]),
-        external_work=np.array([work]),
         unknowns=int(equation.unknown.sum()),
         message=message,
         warnings=(*_strain_warning(equation, last.u), *_stability_warnings(equation, steps)),
@@ -81,10 +77,8 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
         backend="numpy",
         real="f64",
         element_classes=model.mesh.cell_count,
-        row_classes=model.mesh.node_count,
         reasons=reasons,
         model=model,
-        steps=tuple(steps),
     )
 
 
@@ -120,13 +114,13 @@ def _strain_warning(equation: Equation, u: Float) -> tuple[str, ...]:
     )
 
 
-def path_work(model: Model, steps: Sequence[LoadStep]) -> Float:
-    """(K,) work of loads and supports along the path, up to each step (trapezoidal rule)."""
+def _with_work(model: Model, steps: Sequence[LoadStep]) -> list[LoadStep]:
+    """With the work of loads and supports along the path, up to each step (trapezoidal rule)."""
     total, u, forces = 0.0, np.zeros_like(steps[0].u), np.zeros_like(steps[0].u)
-    works = []
+    told = []
     for step in steps:
         acting = external_forces(model, step.u, step.factors) + step.reactions
         total += 0.5 * float(np.vdot(acting + forces, step.u - u))
         u, forces = step.u, acting
-        works.append(total)
-    return np.array(works)
+        told.append(replace(step, external_work=total))
+    return told

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from numbers import Integral, Real
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
@@ -29,32 +29,31 @@ from gpusim.fem.procedures.linear_static import linear_static
 from gpusim.gpu import Device
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.parallel.machine import keep_freed_memory
-from gpusim.validation import as_float64, finite_numbers, require, require_one_of, unmasked
+from gpusim.validation import Count, Rule, as_float64, checked, finite_numbers, one_of, require
 
-GEOMETRIES = ("linear", "nonlinear")
+Tolerance = Annotated[float, Rule("a number in (0, 1)", lambda value: 0.0 < value < 1.0)]
 
 
-@unmasked()
+@checked
 def solve(
     model: Model,
     device: Device | None = None,
     *,
-    tolerance: float = 1e-6,
-    geometry: str = "linear",
+    tolerance: Tolerance = 1e-6,
+    geometry: Annotated[str, one_of("linear", "nonlinear")] = "linear",
     factors: npt.ArrayLike | None = None,
     formulation: str | Mapping[str, str] | None = None,
-    backend: str = "auto",
-    method: str = "auto",
-    max_iterations: int | None = None,
+    backend: Annotated[str, one_of("auto", "gpu", "numpy")] = "auto",
+    method: Annotated[str, one_of(*METHODS)] = "auto",
+    max_iterations: Count | None = None,
     start: npt.ArrayLike | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> Solution:
     """Displacements of a static model, by linear theory or at large displacements.
 
-    By linear theory K u = f; which solver is cheaper is estimated from the mesh. At large
-    displacements each load step is an equilibrium found by Newton's method; steps that fail are
-    halved, limit points are passed by arc length. Cells of `Isotropic` and `Orthotropic`
-    turn with their mean rotation and strain by 2 % at most; other laws hold for any strain.
+    By linear theory K u = f; which solver is cheaper is estimated. At large displacements each load
+    step is an equilibrium found by Newton's method; steps that fail are halved, limit points passed
+    by arc length. `Isotropic` and `Orthotropic` cells strain by 2 % at most, others by any amount.
 
     Parameters
     ----------
@@ -83,9 +82,9 @@ def solve(
     InputError
         A wrong argument; supports and constraints that leave a rigid-body motion free (named).
     NotConverged
-        Values that aren't finite, negative curvature, or a matrix that rounding made indefinite;
-        no equilibrium at the first load step. One that is missing later ends the analysis: the
-        solution has the steps before it, ``converged`` is False and ``message`` says why.
+        Values that aren't finite, a matrix that rounding made indefinite, or no equilibrium at the
+        first load step. One that is missing later ends the analysis: the solution has the steps
+        before it, ``converged`` is False and ``message`` says why.
         Running out of iterations or stagnating isn't raised: ``Solution.converged`` tells it.
     OutOfDeviceMemory
         The device can't hold the model; refused before anything is allocated there.
@@ -104,11 +103,15 @@ def solve(
     >>> [f"{step.u[:, 2].max():.3f}" for step in steps]  # 0.942 at factor 1 by linear theory
     ['0.391', '0.582']
     """
-    _check_arguments(model, device, tolerance, backend, max_iterations, method, progress)
+    require(isinstance(model, Model), "solve model", type(model).__name__, "a Model")
+    require(isinstance(device, Device | None), "solve device", repr(device), "a Device, or None")
+    called = progress is None or callable(progress)
+    require(called, "solve progress", repr(progress), "a function, or None")
     targets = _targets(model, geometry, factors, start)
     keep_freed_memory()
-    options = Options(method, device, backend, tolerance, max_iterations, _start(model, start),
-                      progress, resolve_formulation(model, formulation), Clock())  # fmt: skip
+    most = None if max_iterations is None else int(max_iterations)
+    options = Options(method, device, backend, tolerance, most, _start(model, start), progress,
+                      resolve_formulation(model, formulation), Clock())  # fmt: skip
     # sums by several threads of BLAS aren't worth their waiting; the work is shared out above it
     with one_blas_thread():
         return _solved(model, targets, options)
@@ -139,37 +142,11 @@ def _solved(model: Model, targets: Float | None, options: Options) -> Solution:
     return replace(solution, warnings=(told, *solution.warnings)) if dangling else solution
 
 
-def _check_arguments(
-    model: Model,
-    device: Device | None,
-    tolerance: float,
-    backend: str,
-    max_iterations: int | None,
-    method: str,
-    progress: Callable[[int, float], None] | None,
-) -> None:
-    require(isinstance(model, Model), "solve: model", type(model).__name__, "a Model")
-    known = isinstance(device, Device | None)
-    require(known, "solve: device", repr(device), "a Device, or None")
-    share = isinstance(tolerance, Real) and 0.0 < tolerance < 1.0
-    require(share, "solve: tolerance", repr(tolerance), "a number in (0, 1)")
-    places = ("auto", "gpu", "numpy")
-    require(backend in places, "solve: backend", repr(backend), "'auto', 'gpu' or 'numpy'")
-    require_one_of("solve: method", method, METHODS)
-    whole = isinstance(max_iterations, Integral) and not isinstance(max_iterations, bool)
-    counted = max_iterations is None or (whole and max_iterations >= 1)
-    expected = "a whole number of at least 1"
-    require(counted, "solve: max_iterations", repr(max_iterations), expected)
-    told = progress is None or callable(progress)
-    require(told, "solve: progress", repr(progress), "a function, or None")
-
-
 def _targets(
     model: Model, geometry: str, factors: npt.ArrayLike | None, start: npt.ArrayLike | None
 ) -> Float | None:
     """Factors of the steps, see `_factors`; None by linear theory. Refuses what the analysis would
     leave aside."""
-    require_one_of("solve: geometry", geometry, GEOMETRIES)
     if geometry == "linear":
         _refuse_finite_strain(model)
         expected = "none by linear theory: its load cases are superposed, see Solution.u"

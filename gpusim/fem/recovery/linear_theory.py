@@ -10,8 +10,6 @@ the bar does beside, pressing or pulling, is of first order: the work of the str
 rotations over that of the forces. 1 / sqrt(1 + 2 x) goes on from the first order x as the elastica
 does: within 9 % of its error up to F L^2 / E I = 3, where linear theory is 66 % too far.
 
-A bar that turns by w is also drawn longer by w^2 / 2, which an exact solution isn't.
-
 Bodies held at both ends also stiffen because they are stretched; that isn't in the estimate:
 `stretching` bounds it, and `gpusim.fem.procedures.expansion` finds it.
 """
@@ -34,9 +32,8 @@ def second_order(
     *,
     forced: bool = True,
     temperature: float | None = None,
-) -> tuple[float, float]:
-    """What an exact solution has of the linear displacements ``u`` (N, 3), about (above 0), and
-    the mean strain by which they make the body too long.
+) -> float:
+    """What an exact solution has of the linear displacements ``u`` (N, 3), about (above 0).
 
     ``forced``: forces act, not heat or given displacements alone.
     """
@@ -46,12 +43,11 @@ def second_order(
     weight = found.energy if forced else found.volume
     total = float(weight.sum())
     if not total > 0.0:
-        return 1.0, 0.0
+        return 1.0
     loss = (2.0 if forced else 0.25) * float(square @ weight) / total
     pressed = _pressed(found, turn, square) if forced else 0.0
     bent = 1.0 / np.sqrt(1.0 + 2.0 * loss)
-    longer = 0.5 * bent**2 * float(square @ found.volume) / float(found.volume.sum())
-    return float(bent / max(1.0 - pressed, 0.1)), float(longer)
+    return float(bent / max(1.0 - pressed, 0.1))
 
 
 def _pressed(found: Stress, turn: Float, square: Float) -> float:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from types import MappingProxyType
 
@@ -41,11 +41,14 @@ class Stress:
     points : cell type -> (M,Q,6) at the quadrature points of the formulation.
     node_of, material_of, values : (P,), (P,), (P,6) the averages: node, material, stress.
     strains : (P,6) total strain that belongs to ``values``, engineering shear.
-    nodal : (N,6), where materials meet the value with the greatest von Mises stress; 0 at nodes of
-        no cell.
+    node_count : N.
     cell : (M,6) volume mean of each cell, cells in the mesh's order.
     volume, energy : (M,) of each cell; energy is that of the stress, s.C^-1.s/2.
-    plastic_strains : (P,) accumulated plastic strain likewise; None without plasticity.
+    results : more (P,…) like ``values`` by name, at large displacements: "piola_stress" second
+        Piola-Kirchhoff stress, "green_lagrange_strain" as tensor components, "energy" that is
+        stored per volume at rest (NaN where a law doesn't tell it), "plastic_strain" accumulated;
+        and what a user's own law tells (`gpusim.fem.Law`).
+    strain_energy : what is stored in the whole body then; NaN where that isn't known.
     error : (M,) energy norm of the difference between the averaged and the cell's own stress,
         the indicator of Zienkiewicz & Zhu, IJNME 24 (1987) 337: sqrt of the integral of
         (s* - s).C^-1.(s* - s).
@@ -64,13 +67,20 @@ class Stress:
     material_of: Long
     values: Float
     strains: Float
-    nodal: Float
+    node_count: int
     cell: Float
     volume: Float
     energy: Float
     error: Float
-    plastic_strains: Float | None = None
+    results: Mapping[str, Float] = field(default_factory=dict)
+    strain_energy: float = np.nan
     __repr__ = field_summary
+
+    @cached_property
+    def nodal(self) -> Float:
+        """(N,6), where materials meet the value with the greatest von Mises stress; 0 at nodes of
+        no cell."""
+        return self._telling(self.values)
 
     @cached_property
     def nodal_strain(self) -> Float:
@@ -80,13 +90,18 @@ class Stress:
         return result
 
     @cached_property
+    def nodal_results(self) -> dict[str, Float]:
+        """(N,…) of ``results``, by name, where ``nodal`` is."""
+        return {name: self._telling(values) for name, values in self.results.items()}
+
+    @property
     def nodal_plastic_strain(self) -> Float | None:
         """(N,) accumulated plastic strain where ``nodal`` is; None without plasticity."""
-        return None if self.plastic_strains is None else self._telling(self.plastic_strains)
+        return self.nodal_results.get("plastic_strain")
 
     def _telling(self, values: Float) -> Float:
         """(N,…) of values (P,…) those where the von Mises stress of a node is greatest."""
-        result = np.zeros((len(self.nodal), *values.shape[1:]))
+        result = np.zeros((self.node_count, *values.shape[1:]))
         order = np.argsort(von_mises(self.values), kind="stable")
         # the last one written is the greatest
         result[self.node_of[order]] = values[order]
@@ -94,9 +109,7 @@ class Stress:
 
     def renumbered(self, order: Long) -> Stress:
         """Of a mesh in which node k is number ``order[k]``."""
-        nodal = np.empty_like(self.nodal)
-        nodal[order] = self.nodal
-        return replace(self, node_of=order[self.node_of], nodal=nodal)
+        return replace(self, node_of=order[self.node_of])
 
     @cached_property
     def von_mises(self) -> Float:
@@ -128,7 +141,7 @@ class Stress:
 
     def of_material(self, number: int) -> Float:
         """(N,6) averages over the cells of one material, NaN at nodes that it doesn't reach."""
-        result = np.full_like(self.nodal, np.nan)
+        result = np.full((self.node_count, 6), np.nan)
         mine = self.material_of == number
         result[self.node_of[mine]] = self.values[mine]
         return result
@@ -193,7 +206,7 @@ def stress(
     require(isinstance(model, Model), "stress: model", type(model).__name__, "a Model")
     shape = model.mesh.points.shape
     expected = f"{shape} finite numbers, the displacements of one load case"
-    field = finite_numbers(u, "stress: u", [shape], expected)
+    own = finite_numbers(u, "stress: u", [shape], expected)
     if temperature is None and model.temperature is not None:
         cases = len(model.temperature)
         require(cases == 1, "stress: temperature", f"None, {cases} load cases", "that of u's case")
@@ -201,7 +214,7 @@ def stress(
     change = None if temperature is None else linear_temperature("stress", model.mesh, temperature)
     # the work is shared out above BLAS
     with one_blas_thread():
-        return Recovery(model, field, resolve_formulation(model, formulation), change).run()
+        return Recovery(model, own, resolve_formulation(model, formulation), change).run()
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,9 +256,8 @@ class Recovery:
         self.node_of, self.material_of = np.divmod(keys, len(self.moduli))
 
     def run(self) -> Stress:
-        parts = list(self.parts())
-        total = self.averaged(parts, self._recover, 6)
-        error = np.concatenate(shared(partial(self._error, total), parts))
+        total = self.averaged(self._recover, 6)
+        error = np.concatenate(shared(partial(self._error, total), list(self.parts())))
         for array in self.points.values():
             array.setflags(write=False)
         return Stress(
@@ -254,19 +266,16 @@ class Recovery:
             material_of=self.material_of,
             values=total,
             strains=self._strains(total),
-            plastic_strains=self._plastic_strains(),
-            nodal=self._nodal(total),
+            node_count=self.model.mesh.node_count,
             cell=self.cell,
             volume=self.volume,
             energy=self.energy,
             error=error,
         )
 
-    def averaged(
-        self, parts: Sequence[Part], at_nodes: Callable[[Part], Float], count: int
-    ) -> Float:
+    def averaged(self, at_nodes: Callable[[Part], Float], count: int) -> Float:
         """(P,count) means over the cells of one material at a node, of their values (M,k,count)."""
-        cells = np.zeros((len(self.node_of), 1))
+        parts, cells = list(self.parts()), np.zeros((len(self.node_of), 1))
         total = np.zeros((len(self.node_of), count))
         # parts are worked on side by side, but added up in order: the same bits in every run
         for part, values in zip(parts, shared(at_nodes, parts), strict=True):
@@ -293,9 +302,8 @@ class Recovery:
     def _of_cells(self, table: Float, part: Part) -> Float:
         """Rows of a table by material: one row if all cells have the same, else (M,…)."""
         materials = self.material[part.numbers]
-        return np.asarray(
-            table[materials[0]] if (materials == materials[0]).all() else table[materials]
-        )
+        same = bool((materials == materials[0]).all())
+        return np.asarray(table[materials[0] if same else materials])
 
     def _recover(self, part: Part) -> Float:
         """Everything of some cells; returns their stress at the nodes (M,k,6)."""
@@ -333,17 +341,6 @@ class Recovery:
         if self.change is not None:
             strain += self.change[self.node_of, None] * self.expansion[self.material_of]
         return strain
-
-    def _plastic_strains(self) -> Float | None:
-        return None
-
-    def _nodal(self, values: Float) -> Float:
-        """Of each node's values the one with the greatest von Mises stress."""
-        nodal = np.zeros((self.model.mesh.node_count, 6))
-        order = np.argsort(von_mises(values), kind="stable")
-        # the last one written is the greatest
-        nodal[self.node_of[order]] = values[order]
-        return nodal
 
     def _error(self, averages: Float, part: Part) -> Float:
         element = ELEMENTS[part.kind]

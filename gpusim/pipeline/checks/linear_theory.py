@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.fem.model.model import Model
-from gpusim.fem.procedures.expansion import higher_orders
-from gpusim.fem.recovery.linear_theory import cell_rotations, second_order, stretching
-from gpusim.pipeline.scene_objects.modelling import build_model, temperature
+from gpusim.fem.recovery.linear_theory import cell_rotations, second_order
+from gpusim.pipeline.scene_objects.modelling import temperature
 from gpusim.pipeline.scene_objects.moving_bodies import MovingBodies
-from gpusim.pipeline.scene_objects.surfaces import MeshedBody
 from gpusim.scene.description import model as m
 
 SMALL_TURN = 0.02  # rad: at most 0.08 % of the displacement, which takes no further look
 TOLD = 0.005
-STRETCHING = 3e-4  # three times what could make a difference of 0.2 %
 LARGE = 0.1  # of a body's size
 FORCES = (
     m.ForceTable,
@@ -35,8 +32,7 @@ class LinearError:
     """Of one body, in the frame in which linear theory is off most.
 
     ``turn``: greatest rotation (rad); ``moved``: greatest displacement (m) by linear theory;
-    ``share``: what an exact solution would have of it, about; ``longer``: the strain by which the
-    linear solution is too long, over the body, about; ``reach``: how much displacements
+    ``share``: what an exact solution would have of it, about; ``reach``: how much displacements
     differ over the body, ``size`` its diagonal (m).
     """
 
@@ -45,7 +41,6 @@ class LinearError:
     turn: float
     moved: float
     share: float
-    longer: float
     reach: float
     size: float
 
@@ -68,45 +63,38 @@ class LinearError:
         way = "too large" if off > 0.0 else "too small"
         return f"displacements are about {1e3 * abs(off):.2g} mm ({100 * self.off:.2g} %) {way}"
 
-    @property
-    def doubtful(self) -> str:
-        """A question where displacements by linear theory are larger than the body, else ""."""
-        if self.reach <= self.size:
+    def _question(self, limit: float) -> str:
+        """Where displacements are larger than this share of the body, else ""."""
+        if self.reach <= limit * self.size:
             return ""
         return (
             f"by linear theory displacements differ by {1e3 * self.reach:.3g} mm in frame "
             f"{self.frame}, {100 * self.reach / self.size:.3g} % of its size: are units, loads and "
-            'moduli meant so? Then say [analysis] geometry = "nonlinear"'
+            "moduli meant so? "
         )
+
+    @property
+    def doubtful(self) -> str:
+        """A question where displacements are larger than the body, else ""."""
+        question = self._question(1.0)
+        return question and f'{question}Then say [analysis] geometry = "nonlinear"'
 
     @property
     def warning(self) -> str:
         """A sentence where it matters, else ""."""
-        text = f"body {self.body!r}: "
-        large = not self.reach <= LARGE * self.size
-        if large:
-            text += (
-                f"displacements differ by {1e3 * self.reach:.3g} mm in frame {self.frame}, "
-                f"{100 * self.reach / self.size:.3g} % of its size; linear statics holds for small "
-                "ones only: are units, loads and moduli meant so? It "
-            )
-        elif not self.off > TOLD:
+        question = self._question(LARGE)
+        if not (question or self.off > TOLD):
             return ""
-        return (
-            f"{text}turns by up to {np.degrees(self.turn):.3g} degrees in frame {self.frame}; by "
-            f"linear statics its {self._off}, of {1e3 * self.moved:.4g} mm, and it gets about "
-            f"{1e3 * self.longer * self.size:.2g} mm too long"
-        )
+        turn = f"it turns by up to {np.degrees(self.turn):.3g} degrees in frame {self.frame}"
+        off = f"by linear statics its {self._off}, of {1e3 * self.moved:.4g} mm"
+        return f"body {self.body!r}: {question}{turn}; {off}"
 
 
-def linear_errors(objects: MovingBodies) -> list[LinearError]:
-    """One per body; all were solved for, by linear theory."""
-    return [linear_error(objects, number) for number in range(len(objects.bodies))]
-
-
-def linear_error(objects: MovingBodies, number: int) -> LinearError:
-    """Of a body in the frame in which linear theory is off most: it turns or moves most there."""
-    found = [_in_frame(objects, number, frame) for frame in _extreme_frames(objects, number)]
+def linear_error(objects: MovingBodies, number: int, model: Model) -> LinearError:
+    """Of a body in the frame in which linear theory is off most: it turns or moves most there.
+    ``model``: what it was solved as, by linear theory."""
+    frames = _extreme_frames(objects, number)
+    found = [_in_frame(objects, number, model, frame) for frame in frames]
     return max(found, key=lambda error: error.off)
 
 
@@ -123,32 +111,17 @@ def _extreme_frames(objects: MovingBodies, number: int) -> list[int]:
     return list(dict.fromkeys([int(reach.argmax()), int((turn if several else reach).argmax())]))
 
 
-def with_stretching(
-    error: LinearError, u: Float, model: Model, factors: Float, formulation: str
-) -> LinearError:
-    """The same where a body may have to stretch as it bends, of its displacements ``u`` (N, 3) in
-    the frame of the error, at ``factors`` (L,) of the load cases of its model."""
-    if model.constraints or not stretching(model.mesh, u) > STRETCHING:
-        return error
-    moved = u + higher_orders(model, u, factors, formulation)
-    change = float(np.linalg.norm(moved, axis=1).max()) / error.moved - 1.0
-    return replace(error, share=1.0 + change if change > 0.0 else 1.0 / (1.0 - change))
-
-
-def _in_frame(objects: MovingBodies, number: int, frame: int) -> LinearError:
+def _in_frame(objects: MovingBodies, number: int, model: Model, frame: int) -> LinearError:
     parts, u = objects.bodies[number], objects.displacement(number, frame)
     turn = float(np.linalg.norm(cell_rotations(parts.mesh, u), axis=1).max(initial=0.0))
-    share, longer = 1.0, 0.0
-    if turn > SMALL_TURN:
-        share, longer = _second_order(parts, frame, u)
+    share = _second_order(parts.body, model, frame, u) if turn > SMALL_TURN else 1.0
     reach = float(np.linalg.norm(np.ptp(u, axis=0)))
     size = float(np.linalg.norm(np.ptp(parts.mesh.points, axis=0)))
     moved = float(np.linalg.norm(u, axis=1).max(initial=0.0))
-    return LinearError(parts.body.name, frame, turn, moved, share, longer, reach, size)
+    return LinearError(parts.body.name, frame, turn, moved, share, reach, size)
 
 
-def _second_order(parts: MeshedBody, frame: int, u: Float) -> tuple[float, float]:
-    body, model = parts.body, build_model(parts)
+def _second_order(body: m.Body, model: Model, frame: int, u: Float) -> float:
     forced = any(isinstance(load, FORCES) and load.amplitude[frame] for load in body.loads)
     change = temperature(body, frame) or None
     return second_order(model, u, body.formulation, forced=forced, temperature=change)

@@ -1,43 +1,36 @@
 """Load steps of a scene's bodies at large displacements, as they are stored.
 
-Stress and strain of each step are kept as well: they depend on what the material has been through,
-and don't follow from displacements alone.
+Stress and strain of the steps that are looked at are kept as well: they depend on what the material
+has been through, and don't follow from displacements alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.export.body_state import KNOWN, known_of
 from gpusim.motion import State, Stepped
 
 if TYPE_CHECKING:
     from gpusim.fem import Stress
 
 STEPS = "solution/steps.npz"
-FIELDS = {
-    "stress": "nodal_stress", "strain": "nodal_strain", "plastic": "nodal_plastic_strain",
-    "error": "stored_error_share",
-}  # fmt: skip
-"""What is kept of a step, by what a `gpusim.export.body_state.BodyState` calls it."""
-
 Stored = Mapping[str, npt.NDArray[Any]]
 
 
 def step_arrays(
-    motion: Stepped, stresses: Sequence[Stress | None], body: int
+    motion: Stepped, stresses: Mapping[State, Stress | None], body: int
 ) -> dict[str, npt.NDArray[Any]]:
-    """What ``np.savez`` keeps of the motion of a ``body`` (its number), and of the stress in its
-    states."""
+    """What ``np.savez`` keeps of the motion of a ``body`` (its number), and of the ``stresses`` in
+    some of its states."""
     arrays = {"states": np.array(motion.states), "u": motion.u, "reactions": motion.forces}
-    for number, found in enumerate(stresses):
-        assert found is not None
-        values = found.nodal, found.nodal_strain, found.nodal_plastic_strain, found.error_share
-        fields = zip(FIELDS, values, strict=True)
-        arrays |= {f"{name}_{number}_": one for name, one in fields if one is not None}
+    for number, state in enumerate(motion.states):
+        if (found := stresses.get(state)) is not None:
+            arrays |= {f"{name}_{number}_": values for name, values in known_of(found).items()}
     return {f"{name}{body}": array for name, array in arrays.items()}
 
 
@@ -53,9 +46,9 @@ def stepped_motion(stored: Stored, body: int) -> Stepped:
 
 
 def step_fields(stored: Stored, body: int, state: State | None) -> dict[str, Any]:
-    """What is kept of a body in a state, by the names of `FIELDS`; nothing of a body at rest."""
+    """What is kept of a body in a state, by the names of `KNOWN`; nothing of a body at rest."""
     states = [tuple(row) for row in stored[f"states{body}"].tolist()]
     if state is None:
         return {}
-    kept = {name: f"{name}_{states.index(state)}_{body}" for name in FIELDS}
-    return {FIELDS[name]: stored[place] for name, place in kept.items() if place in stored}
+    kept = {name: f"{name}_{states.index(state)}_{body}" for name in KNOWN}
+    return {name: stored[place] for name, place in kept.items() if place in stored}

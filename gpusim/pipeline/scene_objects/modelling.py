@@ -69,23 +69,18 @@ def _hardening(material: m.MaterialTable) -> float | fem.Voce | list[tuple[float
 
 @dataclass(frozen=True, eq=False)
 class BodyModel:
-    """A body's ``model``, and the ``support`` (N, 3) that holds each degree of freedom, the first
-    one; -1: none."""
+    """A body's ``model`` by linear theory, and ``displaced``, that for large displacements, with
+    which heat and pressure that follows go; ``support`` (N, 3) is the first one that holds each
+    degree of freedom, -1: none."""
 
     model: fem.Model
+    displaced: fem.Model
     support: Int
 
 
-def build_model(parts: MeshedBody, groups: tuple[LoadGroup, ...] | None = None) -> fem.Model:
-    """The model of `build_body_model` alone."""
-    return build_body_model(parts, groups).model
-
-
-def build_body_model(parts: MeshedBody, groups: tuple[LoadGroup, ...] | None = None) -> BodyModel:
-    """Material, supports and loads.
-
-    ``groups`` are the body's load groups, each a load case (one group: forces (N,3)); None: all
-    loads in one load case, amplitudes left aside.
+def build_model(parts: MeshedBody, groups: Sequence[LoadGroup]) -> BodyModel:
+    """Material, supports and loads; each of the body's load ``groups`` is a load case (one group:
+    forces (N,3)).
 
     Raises
     ------
@@ -98,66 +93,46 @@ def build_body_model(parts: MeshedBody, groups: tuple[LoadGroup, ...] | None = N
         why = "its displacements are given, there is nothing to solve"
         raise InputError(f"body {body.name!r}: {why}; expected a body with a material")
     # supports that move alike have one group and one share of it
-    moves: dict[int, Any] = {k: one.amplitude for k, one in enumerate(body.supports)}
-    if groups is not None:
-        moves = {k: (n, share) for n, one in enumerate(groups) for k, share in one.supports}
-    else:
-        everything = tuple((k, 1.0) for k in range(len(body.loads)))
-        supports = tuple((k, 1.0) for k in range(len(body.supports)))
-        groups = (LoadGroup((1.0,), everything, supports),)
-    held = _supports(parts, moves)
+    held = _supports(parts, {k: (n, share) for n, one in enumerate(groups)
+                             for k, share in one.supports})  # fmt: skip
     materials, of_cell = _materials(parts)
-    forces = np.zeros((len(groups), grid.node_count, 3))
-    prescribed = np.zeros_like(forces)
+    prescribed = np.zeros((len(groups), grid.node_count, 3))
+    # forces of all loads, and of those that are dead
+    forces, dead = np.zeros((2, *prescribed.shape))
+    following: list[fem.FollowerPressure] = []
+    change = np.zeros((len(groups), grid.node_count))
     for case, group in enumerate(groups):
         for index, factor in group.loads:
             load = body.loads[index]
             with naming_place(f"body {body.name!r}, load {load.name!r}"):
-                forces[case] += factor * _load(parts, materials, of_cell, load)
-        for index, factor in group.supports:
-            mine = held.support == index
-            prescribed[case][mine] = factor * held.displacement[mine]
-    one = len(groups) == 1
-    model = fem.Model(
-        grid,
-        materials=materials,
-        material_of_cell=of_cell,
-        fixed=held.support >= 0,
-        prescribed=prescribed[0] if one else prescribed,
-        forces=forces[0] if one else forces,
-        constraints=[_tie(parts, tie) for tie in body.ties],
-    )
-    with naming_place(f"body {body.name!r}"):
-        check_supports(model)
-    return BodyModel(model, held.support)
-
-
-def displaced_model(parts: MeshedBody, dead: fem.Model, groups: Sequence[LoadGroup]) -> fem.Model:
-    """Of ``dead``, the body's model on its unloaded shape, that for large displacements: heat and
-    pressure that follows go with the body."""
-    body, grid = parts.body, parts.mesh
-    if not any(_follows(load) for load in body.loads):
-        return dead
-    assert dead.material_of_cell is not None
-    forces = np.zeros_like(dead.load_cases)
-    change = np.zeros((len(groups), grid.node_count))
-    following = []
-    for case, group in enumerate(groups):
-        for index, factor in group.loads:
-            load = body.loads[index]
+                nodal = factor * _load(parts, materials, of_cell, load)
+            forces[case] += nodal
             if isinstance(load, m.ThermalTable):
                 change[case] += factor * load.temperature_change
             elif isinstance(load, m.PressureTable) and load.follows:
                 faces = faces_of(grid, parts.skin.faces, load.where)
                 following.append(fem.FollowerPressure(faces, factor * load.pressure, case))
             else:
-                own = _load(parts, list(dead.materials), dead.material_of_cell, load)
-                forces[case] += factor * own
-    single = len(groups) == 1
-    return replace(
-        dead, forces=forces[0] if single else forces, loads=following,
-        temperature=change if change.any() else None,
-    )  # fmt: skip
+                dead[case] += nodal
+        for index, factor in group.supports:
+            mine = held.support == index
+            prescribed[case][mine] = factor * held.displacement[mine]
+    cases = 0 if len(groups) == 1 else slice(None)
+    model = fem.Model(
+        grid,
+        materials=materials,
+        material_of_cell=of_cell,
+        fixed=held.support >= 0,
+        prescribed=prescribed[cases],
+        forces=forces[cases],
+        constraints=[_tie(parts, tie) for tie in body.ties],
+    )
+    with naming_place(f"body {body.name!r}"):
+        check_supports(model)
+    displaced, warm = model, change if change.any() else None
+    if following or warm is not None:
+        displaced = replace(model, forces=dead[cases], loads=following, temperature=warm)
+    return BodyModel(model, displaced, held.support)
 
 
 def linear_at_rest(model: fem.Model) -> fem.Model:
@@ -170,21 +145,16 @@ def linear_at_rest(model: fem.Model) -> fem.Model:
     return model if linear else replace(model, materials=laws)
 
 
-def _follows(load: m.Load) -> bool:
-    pressed = isinstance(load, m.PressureTable) and load.follows
-    return pressed or isinstance(load, m.ThermalTable)
-
-
-def temperature(body: m.Body, frame: int | None) -> float:
-    """Temperature change (K) of a body in a frame; None: at amplitude 1."""
+def temperature(body: m.Body, frame: int) -> float:
+    """Temperature change (K) of a body in a frame."""
     return sum(
-        load.temperature_change * (1.0 if frame is None else load.amplitude[frame])
+        load.temperature_change * load.amplitude[frame]
         for load in body.loads
         if isinstance(load, m.ThermalTable)
     )
 
 
-def _supports(parts: MeshedBody, moves: Mapping[int, Any]) -> _Supports:
+def _supports(parts: MeshedBody, moves: Mapping[int, tuple[int, float]]) -> _Supports:
     """``moves``: equal for supports that move alike."""
     body, grid = parts.body, parts.mesh
     owner = np.full((grid.node_count, 3), -1, np.int32)

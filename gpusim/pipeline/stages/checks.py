@@ -20,9 +20,11 @@ def geometry(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
 
 def linear_theory(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """How far it is off for each body."""
-    from gpusim.pipeline.checks.linear_theory import linear_errors
+    from gpusim.pipeline.checks.linear_theory import linear_error
 
-    errors = linear_errors(moving_bodies(scene, inputs, [one.shown for one in inputs.row]))
+    objects = moving_bodies(scene, inputs, [one.shown for one in inputs.row])
+    models = [inputs[f"model/{body.name}"].model for body in scene.bodies]
+    errors = [linear_error(objects, number, model) for number, model in enumerate(models)]
     warnings = [one.warning for one in errors if one.warning]
     facts = {f"linear statics, {one.body}": one.fact for one in errors}
     return StageResult(notes=notes_of(warnings, facts))

@@ -15,7 +15,7 @@ from gpusim.export.images import encoded_picture
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
-from gpusim.motion import Stepped
+from gpusim.motion import Motion, State, Stepped
 from gpusim.pipeline.checks.linear_theory import FORCES
 from gpusim.pipeline.notes import notes_of
 from gpusim.pipeline.scene_objects.cameras import build_camera
@@ -99,10 +99,10 @@ def _states(
             if isinstance(objects.motions[number], Stepped):
                 shown = objects.frames[frame].states[number]
                 known = step_fields(steps, number, shown) or {
-                    "nodal_stress": np.zeros((len(body.u), 6)),
-                    "nodal_strain": np.zeros((len(body.u), 6)),
+                    "stress": np.zeros((len(body.u), 6)),
+                    "strain": np.zeros((len(body.u), 6)),
                 }
-                yield BodyState(parts.mesh, body.u, **known)
+                yield BodyState(parts.mesh, body.u, known=known)
                 continue
             model = inputs[f"model/{body.name}"].model
             change = temperature(parts.body, frame)
@@ -153,24 +153,14 @@ def _load_path(
     body, motion = bodies[number], objects.motions[number]
     node = int(np.linalg.norm(body.u, axis=1).argmax())
     shown = np.unique(np.linspace(0, len(frames) - 1, min(len(frames), MOST_STATES)).astype(int))
-    moved, forces, linear, linear_forces = np.zeros((4, len(shown), 3))
-    sizes = [0.0]
+    states = [frames[frame].shown.states[number] for frame in shown]
+    assert motion is not None  # it moves
     driven = _driven(objects, frames, number)
     held = slice(None) if driven is None else slice(driven, driven + 1)
-    for k, frame in enumerate(shown):
-        state = frames[frame].shown.states[number]
-        if state is not None and motion is not None:
-            moved[k] = motion.displacement(state)[node]
-            reactions = motion.reactions(state)
-            forces[k] = reactions[held].sum(axis=0)
-            if solved is not None:
-                by_theory, weights = solved.superposed(number), state[: len(solved.u[number])]
-                linear[k] = by_theory.displacement(weights)[node]
-                linear_forces[k] = by_theory.reactions(weights)[held].sum(axis=0)
-            sizes.append(float(np.linalg.norm(reactions, axis=1).sum()))
+    moved, forces, most = _followed(motion, states, node, held)
     loads = objects.bodies[number].body.loads
     pulled = driven is not None or any(isinstance(load, FORCES) for load in loads)
-    if not (pulled and np.linalg.norm(forces, axis=1).max() > ROUNDED * max(sizes)):
+    if not (pulled and np.linalg.norm(forces, axis=1).max() > ROUNDED * most):
         forces[:] = 0.0  # what heat alone moves holds itself
     x, y, z = (1e3 * body.skin.mesh.points[node]).tolist()
     path = LoadPath(
@@ -179,13 +169,31 @@ def _load_path(
         tuple((1e3 * _along(moved)).tolist()), tuple(_along(forces).tolist()),
         support="" if driven is None else objects.bodies[number].body.supports[driven].name,
     )  # fmt: skip
-    if not isinstance(motion, Stepped):
+    if solved is None or not isinstance(motion, Stepped):
         return path
+    cases = len(solved.u[number])
+    weights = [None if state is None else state[:cases] for state in states]
+    linear, linear_forces, _ = _followed(solved.superposed(number), weights, node, held)
     return replace(
         path,
         linear_mm=tuple((1e3 * _along(linear, moved)).tolist()),
         linear_N=tuple(_along(linear_forces, forces).tolist()),
     )
+
+
+def _followed(
+    motion: Motion, states: Sequence[State | None], node: int, held: slice
+) -> tuple[Float, Float, float]:
+    """(F, 3) displacements of a node and (F, 3) sums of the forces in supports that are ``held``,
+    in the states of frames; and the greatest sum of the sizes of all supports' forces."""
+    moved, forces = np.zeros((2, len(states), 3))
+    most = 0.0
+    for k, state in enumerate(states):
+        if state is not None:
+            reactions = motion.reactions(state)
+            moved[k], forces[k] = motion.displacement(state)[node], reactions[held].sum(axis=0)
+            most = max(most, float(np.linalg.norm(reactions, axis=1).sum()))
+    return moved, forces, most
 
 
 def _driven(objects: MovingBodies, frames: FrameTable, number: int) -> int | None:

@@ -14,18 +14,20 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim import fem
+from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
+from gpusim.export.body_state import KNOWN
 from gpusim.files.input_file import open_input
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
-from gpusim.motion import Given, Stepped, Superposed
+from gpusim.motion import Given, Motion, Stepped
 from gpusim.pipeline.checks.resources import check_field
 from gpusim.pipeline.notes import Notes
-from gpusim.pipeline.scene_objects.load_steps import FIELDS, STEPS, step_fields
+from gpusim.pipeline.scene_objects.load_steps import STEPS, step_fields, stepped_motion
 from gpusim.pipeline.scene_objects.modelling import (
     BodyModel,
-    build_body_model,
+    build_model,
     linear_at_rest,
     temperature,
 )
@@ -48,7 +50,7 @@ def model(scene: Scene, inputs: Inputs, session: Session) -> BodyModel:
     (body,) = scene.bodies
     meshed: MeshedBody = inputs[f"mesh/{body.name}"]
     cases = tuple(LoadGroup((), tuple(loads), tuple(supports)) for loads, supports in inputs.row)
-    return build_body_model(MeshedBody(body, meshed.mesh, meshed.skin), cases)
+    return build_model(MeshedBody(body, meshed.mesh, meshed.skin), cases)
 
 
 def solve_scene(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
@@ -72,10 +74,14 @@ def solution(scene: Scene, inputs: Inputs, session: Session) -> SceneSolution:
         return SceneSolution.from_arrays(stored)
 
 
-def superposed(scene: Scene, inputs: Inputs, session: Session) -> Superposed:
-    """The motion of one body."""
+def motion(scene: Scene, inputs: Inputs, session: Session) -> Motion:
+    """Of one body: its equilibria, or its load cases superposed."""
+    number, name = inputs.row
+    if inputs.has("equilibria") and name in inputs.notes("equilibria")[0]["forces"]:
+        with np.load(inputs.read("equilibria", STEPS).stream(), allow_pickle=False) as stored:
+            return stepped_motion(stored, number)
     solved: SceneSolution = inputs["solution"]
-    return solved.superposed(inputs.row)
+    return solved.superposed(number)
 
 
 def given(scene: Scene, inputs: Inputs, session: Session) -> Given:
@@ -160,14 +166,13 @@ class Stresses:
         self._source.close()
 
     def of(self, body: int, frame: int, parts: MeshedBody) -> dict[str, Any]:
-        """By the names of `FIELDS`: nodal stress and the elements' shares of the error, zero in a
+        """By the names of `KNOWN`: nodal stress and the elements' shares of the error, zero in a
         frame without; and the strain of a body at large displacements."""
         nodes, cells = parts.mesh.node_count, parts.mesh.cell_count
-        shapes = {"stress": (nodes, 6), "strain": (nodes, 6), "plastic": (nodes,),
-                  "error": (cells,)}  # fmt: skip
+        shapes = dict.fromkeys(KNOWN, (nodes, 6)) | {"plastic": (nodes,), "error": (cells,)}
         found: dict[str, Any] = {
-            "nodal_stress": np.zeros((nodes, 6)),
-            "stored_error_share": np.zeros(cells),
+            "stress": np.zeros((nodes, 6)),
+            "error": np.zeros(cells),
         }
         for name, shape in shapes.items():
             if f"{name}{body}_{frame}" in self._stored:
@@ -175,7 +180,7 @@ class Stresses:
                 expected = f"{shape}: delete the output folder's solution/stress.npz"
                 where = f"stress of body {parts.body.name!r}"
                 require(values.shape == shape, where, f"shape {values.shape}", expected)
-                found[FIELDS[name]] = values
+                found[name] = values
         return found
 
 
@@ -207,7 +212,10 @@ def write_stresses(
     with ZipFile(path, "w") as archive:
         for number, (parts, model) in enumerate(zip(objects.bodies, solved.models, strict=True)):
             if isinstance(objects.motions[number], Stepped):
-                peaks += _copy_stresses(archive, solved, number, moving)
+                fields = _copied_stress(archive, solved, number, moving)
+                if fields:
+                    share = float(np.linalg.norm(fields["error"]))
+                    peaks.append(_peak(parts, fem.von_mises(fields["stress"]), share))
                 continue
             last: tuple[float, fem.Stress] | None = None
             for step, frame in enumerate(moving):
@@ -223,28 +231,22 @@ def write_stresses(
                 _store(archive, f"stress{number}_{frame}", factor * found.nodal)
                 _store(archive, f"error{number}_{frame}", found.error_share)
             if moving:
-                peaks.append(_peak(parts, found, factor))
+                von_mises = abs(factor) * found.von_mises
+                peaks.append(_peak(parts, von_mises, found.error_relative))
     return peaks
 
 
-def _copy_stresses(
+def _copied_stress(
     archive: ZipFile, solved: _Solved, number: int, moving: Sequence[int]
-) -> Iterator[StressPeak]:
-    """What the load steps of a body have, by frame; gives the peak in the last one."""
-    parts = solved.objects.bodies[number]
+) -> dict[str, Any]:
+    """What the load steps of a body have, by frame; gives the last one's."""
     fields: dict[str, Any] = {}
     for frame in moving:
         state = solved.objects.frames[frame].states[number]
         fields = step_fields(solved.steps, number, state)
-        for name, place in FIELDS.items():
-            if place in fields:
-                _store(archive, f"{name}{number}_{frame}", fields[place])
-    if fields:
-        von_mises = fem.von_mises(fields["nodal_stress"])
-        node, error = int(np.argmax(von_mises)), fields["stored_error_share"]
-        x, y, z = parts.mesh.points[node].tolist()
-        most, relative = float(von_mises[node]), float(np.linalg.norm(error))
-        yield StressPeak(parts.body.name, most, (x, y, z), relative)
+        for name, values in fields.items():
+            _store(archive, f"{name}{number}_{frame}", values)
+    return fields
 
 
 def _recovered(objects: MovingBodies, number: int, model: fem.Model, frame: int) -> fem.Stress:
@@ -258,11 +260,10 @@ def save_arrays(arrays: dict[str, npt.NDArray[Any]], path: Path) -> None:
         np.savez(stream, allow_pickle=False, **arrays)
 
 
-def _peak(parts: MeshedBody, found: fem.Stress, factor: float) -> StressPeak:
-    node = int(np.argmax(found.von_mises))
+def _peak(parts: MeshedBody, von_mises: Float, error: float) -> StressPeak:
+    node = int(np.argmax(von_mises))
     x, y, z = parts.mesh.points[node].tolist()
-    most = abs(factor) * float(found.von_mises[node])
-    return StressPeak(parts.body.name, most, (x, y, z), found.error_relative)
+    return StressPeak(parts.body.name, float(von_mises[node]), (x, y, z), error)
 
 
 @contextmanager

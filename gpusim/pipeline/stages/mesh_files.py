@@ -10,7 +10,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Int
 from gpusim.export.body_state import BodyState
-from gpusim.export.field_catalogue import VTU_ARRAYS, VTU_NEEDS
+from gpusim.export.field_catalogue import VTU_ARRAYS
 from gpusim.export.meshes import write_pvd, write_region_stls, write_vtu
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
@@ -57,15 +57,13 @@ def _write(
             if output.vtu:
                 file = new_file(f"solution/{name}-{step:04d}.vtu")
                 known = stresses.of(index, step, parts) if stresses else {}
-                state = BodyState(parts.mesh, u, **known)
-                arrays = {
-                    name: one for name, one in VTU_ARRAYS.items()
-                    if VTU_NEEDS[name] in ("", *known)
-                }  # fmt: skip
+                state = BodyState(parts.mesh, u, known=known)
+                arrays = {name: one.of(state) for name, one in VTU_ARRAYS.items()}
                 of_points, of_cells = (
-                    {name: one.of(state) for name, one in arrays.items() if one.place == place}
+                    {name: values for name, values in arrays.items()
+                     if values is not None and VTU_ARRAYS[name].place == place}
                     for place in ("nodes", "elements")
-                )
+                )  # fmt: skip
                 write_vtu(
                     file, parts.mesh.points, parts.mesh.cells, point_data=of_points,
                     cell_data=of_cells,

@@ -61,6 +61,14 @@ class Body:
         own = () if self.material is None else (self.material,)
         return (*own, *(part.material for part in self.parts))
 
+    def large_displacements(self, geometry: str) -> str:
+        """Why an analysis of this ``geometry`` solves it at large displacements; "" where the
+        linear solution is to say."""
+        if geometry == "nonlinear":
+            return "asked for"
+        unknown = [one.name for one in self.materials if one.finite_strain]
+        return f"linear theory doesn't know material {unknown[0]!r}" if unknown else ""
+
     @property
     def has_history(self) -> bool:
         """Whether it isn't the same again when loads come back."""

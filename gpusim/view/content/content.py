@@ -261,7 +261,7 @@ class Content:
         parts, u = objects.bodies[body], self.displacement(body, frame)
         displaced = bool(objects.motions) and isinstance(objects.motions[body], Stepped)
         if self.stresses is not None and (displaced or not solved):
-            return BodyState(parts.mesh, u, **self.stresses.of(body, frame, parts))
+            return BodyState(parts.mesh, u, known=self.stresses.of(body, frame, parts))
         if displaced:  # its stress doesn't follow from displacements
             return BodyState(parts.mesh, u)
         change = temperature(parts.body, frame)
@@ -281,7 +281,7 @@ class Content:
         if objects is None or self.is_given:
             return None
         if body not in self._models:
-            self._models[body] = build_model(objects.bodies[body], self.load_groups(body))
+            self._models[body] = build_model(objects.bodies[body], self.load_groups(body)).model
         return self._models[body]
 
     def load_groups(self, body: int) -> tuple[LoadGroup, ...]:

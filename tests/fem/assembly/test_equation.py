@@ -17,6 +17,7 @@ from gpusim.fem.elements.element_response import Want
 from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.sparse.block_rows import block_matrix
 from tests.support.element_meshes import linear_mesh, mixed_mesh
+from tests.support.element_responses import tensors
 
 Float = npt.NDArray[np.float64]
 STEEL = gs.Isotropic(200.0, 0.3, expansion=1e-3)
@@ -176,13 +177,21 @@ def test_loads_and_supports_follow_their_factors() -> None:
     assert np.allclose(of.prescribed(factors), 0.5 * prescribed[0] - 2.0 * prescribed[1])
 
 
+class Fibres(gs.Hencky):
+    """A user's own, which heat stretches otherwise along axes of its own."""
+
+    def expansion_strain(self) -> Float:
+        return np.array([1e-3, -5e-4, 2e-3, 4e-4, -3e-4, 1e-3])
+
+
 def test_warm_material_is_free_of_stress_however_it_turns() -> None:
     mesh = linear_mesh("hex8", (2, 2, 2), 0.05)
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    for law in (STEEL, RUBBER, gs.Hencky(5.0, 0.2, expansion=1e-3)):
+    warm = gs.Isotropic(5.0, 0.2, expansion=1e-3)
+    for law in (STEEL, RUBBER, gs.J2(warm, 1.0), Fibres(5.0, 0.2)):
         model = clamped(mesh, law, temperature=50.0)
-        stretch = 1.0 + 50.0 * law.expansion_strain()[0]
-        u = stretch * mesh.points @ turn.T - mesh.points
+        stretch = np.eye(3) + 50.0 * tensors(law.expansion_strain(), 0.5)
+        u = mesh.points @ (turn @ stretch).T - mesh.points
         of = equation(model)
         cold = np.abs(of.internal(u, np.zeros(1))).max()
         assert np.abs(of.internal(u, np.ones(1))).max() <= 1e-12 * cold

@@ -246,5 +246,5 @@ def test_cells_turned_inside_out_are_counted(form: Form) -> None:
 
 def test_cells_inverted_at_rest_are_refused() -> None:
     nodes = single("hex8") * [1.0, 1.0, -1.0]
-    with pytest.raises(InputError, match="inverted at a quadrature point; got 1 of 1"):
+    with pytest.raises(InputError, match="1 elements are inverted at a quadrature point"):
         ElementBlock("hex8", "full", nodes, np.arange(8)[None].astype(np.int32), NeoHooke(NU))

@@ -166,9 +166,10 @@ def test_unloading_is_elastic() -> None:
     # where it stopped it is on the yield surface: asked again, it doesn't flow by rounding
     again = law.update(strain, state, moduli=True)
     np.testing.assert_array_equal(again.state, state)
-    stronger = gs.J2(STEEL, 1e6 * YIELD).update(strain, state, moduli=True)
-    assert again.moduli is not None and stronger.moduli is not None
-    np.testing.assert_allclose(again.moduli, stronger.moduli, rtol=0, atol=1e-12 * E)
+    # but it would: its moduli are those of going on
+    on = law.update(strain * (1.0 + 1e-7), state, moduli=True)
+    assert again.moduli is not None and on.moduli is not None
+    np.testing.assert_allclose(again.moduli, on.moduli, rtol=0, atol=1e-5 * E)
 
 
 def test_below_the_yield_stress_it_is_hencky() -> None:

@@ -111,6 +111,14 @@ def test_a_flawed_law_is_refused(changes: dict[str, Any], words: str) -> None:
         law_of(Flawed(changes), "materials[3]")
 
 
+def test_results_of_a_wrong_shape_are_refused() -> None:
+    law = Flawed({})
+    law.results = lambda strain, state: {"damage": state[0]}  # type: ignore[attr-defined]
+    words = r"^m: shape of results\(\)'s 'damage'; got \(3, 2\); expected \(2, 3\) or \(2, 3, 'c'\)"
+    with pytest.raises(InputError, match=words):
+        law_of(law, "m")
+
+
 def test_a_law_with_members_missing_is_refused() -> None:
     class Half(Custom):
         state_size = 0

@@ -106,7 +106,7 @@ def test_wrong_constants_are_refused() -> None:
     }.items():
         with pytest.raises(InputError, match=words):
             Orthotropic(**{**good, **change})  # type: ignore[arg-type]
-    with pytest.raises(InputError, match=r"Orthotropic: G out of range; got \(True, 1, 1\)"):
+    with pytest.raises(InputError, match="Orthotropic: G; got True; expected a number > 0"):
         Orthotropic(E=(1, 1, 1), nu=(0, 0, 0), G=(True, 1, 1))  # type: ignore[arg-type]
 
 

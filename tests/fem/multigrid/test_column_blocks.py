@@ -18,7 +18,7 @@ from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.model.supports import rigid_modes
 from gpusim.fem.multigrid.column_blocks import Columns, columns_across, thin_axes
 from gpusim.fem.multigrid.hierarchy import build_hierarchy
-from gpusim.fem.multigrid.smoothed_aggregation import aggregated, galerkin, prolongator
+from gpusim.fem.multigrid.smoothed_aggregation import galerkin, prolongator
 from gpusim.fem.sparse.block_rows import block_matrix
 from gpusim.fem.sparse.matrix_product import Product
 from gpusim.mesh import Mesh, box, plate_with_hole
@@ -114,9 +114,7 @@ def test_aggregates_keep_columns_together() -> None:
     forms = []
     for matrix in (Product.of_rows(parts.rows, 1.0), Product(block_matrix(parts.rows, 1.0))):
         smoother = Columns(matrix, free, column)
-        p, coarse_null, _ = prolongator(
-            matrix, smoother, 2.6, near_null, aggregated(matrix, smoother, free), False
-        )
+        p, coarse_null, _ = prolongator(matrix, smoother, 2.6, near_null, free, False)
         forms.append(p.toarray())
         # the same matrix, whether by aggregates' P or by the plain product
         dense = block_matrix(parts.rows, 1.0).toarray()

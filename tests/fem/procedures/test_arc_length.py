@@ -17,13 +17,13 @@ from gpusim.fem.linear.tangent_solver import TangentSolver
 from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.procedures import arc_length
 from gpusim.fem.procedures.arc_length import LoadPath, PathPoint, follow_path
-from gpusim.fem.procedures.newton import Controls, equilibrium
+from gpusim.fem.procedures.newton import Controls, Steps, equilibrium
 from tests.support.elastica import clamped_arch
 from tests.support.nonlinear_cases import NonlinearCase, arch_strip, shallow_arch
 
 Float = npt.NDArray[np.float64]
 
-CONTROLS = Controls(1e-6, 1e-6, False, False)
+CONTROLS = Controls(1e-6, 1e-6, Steps.PLAIN, False)
 PATH = LoadPath(np.zeros(1), np.ones(1))
 
 

@@ -27,6 +27,7 @@ from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.sparse.block_rows import block_matrix
 from gpusim.mesh import Mesh, box, quadratic, select_faces
 from tests.support.nonlinear_cases import (
+    PUBLISHED_CANTILEVER,
     NonlinearCase,
     bimetal_strip,
     curved_cantilever,
@@ -34,6 +35,7 @@ from tests.support.nonlinear_cases import (
     following_pressure,
     own_weight,
     pressed_column,
+    published_cantilever,
     ring,
     roll_up,
     rolled_by_pressures,
@@ -48,6 +50,8 @@ CASES: dict[str, tuple[Callable[[], NonlinearCase], float]] = {
     "end load, tet10": (lambda: end_load("tet10", (50, 1, 1)), 1e-3),
     "end load, hex20": (lambda: end_load("hex20", (40, 1, 1)), 2e-3),
     "end load, wedge15": (lambda: end_load("wedge15", (40, 1, 1)), 2e-3),
+    "Sze's cantilever": (lambda: published_cantilever("hex8", (60, 1, 1)), 1e-3),
+    "Sze's cantilever, hex20": (lambda: published_cantilever("hex20", (40, 1, 1)), 1e-3),
     "own weight": (lambda: own_weight("hex8", (100, 1, 1)), 1e-3),
     "following pressure": (lambda: following_pressure("hex8", (100, 1, 1)), 1e-3),
     "ring": (lambda: ring("hex8", (80, 1, 1)), 1e-3),
@@ -71,6 +75,11 @@ def test_case_against_its_reference(name: str) -> None:
     size = np.abs(case.expected) if case.size is None else case.size
     wrong = replace(case, expected=case.expected + 2.0 * tolerance * size)
     assert np.abs(wrong.errors(solution)).max() > tolerance
+
+
+def test_the_integrated_cantilever_is_the_published_one() -> None:
+    (integrated,) = published_cantilever("hex8", (1, 1, 1)).expected
+    assert integrated == pytest.approx(np.array(PUBLISHED_CANTILEVER), rel=2e-3)
 
 
 def test_errors_shrink_with_the_square_of_the_cells() -> None:

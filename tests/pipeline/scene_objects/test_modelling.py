@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 import gpusim as gs
-from gpusim.pipeline.scene_objects.modelling import build_model
-from gpusim.pipeline.scene_objects.surfaces import build_body
 from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene
+from tests.support.scene_models import scene_model
 from tests.support.small_scene import small_scene
 from tests.support.tied_blocks import blocks
 
@@ -44,12 +43,8 @@ def tied_scene(folder: Path, tie: dict[str, Any] | None = TIE) -> Scene:
     return small_scene(folder, body=[body], camera=[camera], measure=[], output={})
 
 
-def model_of(scene: Scene) -> gs.Model:
-    return build_model(build_body(scene.bodies[0], scene.input))
-
-
 def test_a_tie_of_a_scene_is_that_of_the_model(tmp_path: Path) -> None:
-    model = model_of(tied_scene(tmp_path))
+    model = scene_model(tied_scene(tmp_path))
     (made,) = model.constraints
     assert len(made.right) == 3 * 4 * 6
     u = model.mesh.points @ np.array([[1.0, 2.0, 3.0], [-2.0, 0.5, 1.0], [0.3, -1.0, 2.0]])
@@ -66,7 +61,7 @@ def test_supports_have_forces_of_their_own_where_ties_meet_them(tmp_path: Path) 
     (reaction,) = content["reactions"]
     assert reaction["force_N"] == pytest.approx([-3.0, 2.0, 5.0], abs=1e-5)
     assert 0.0 <= content["energy_balance"] <= 1e-5
-    model = model_of(scene)
+    model = scene_model(scene)
     solution = gs.solve(model, backend="numpy")
     both = np.where(model.fixed, solution.reactions, 0.0).sum(axis=0)
     assert np.abs(both - [-3.0, 2.0, 5.0]).max() > 0.05
@@ -75,14 +70,14 @@ def test_supports_have_forces_of_their_own_where_ties_meet_them(tmp_path: Path) 
 def test_what_is_wrong_with_a_tie_names_it(tmp_path: Path) -> None:
     nothing = {**TIE, "faces": {**JOINT, "normal": "+x"}}
     with pytest.raises(gs.InputError, match="body 'pair', tie 'joint'"):
-        model_of(tied_scene(tmp_path, nothing))
+        scene_model(tied_scene(tmp_path, nothing))
     beside = {**TIE, "nodes": {"z_min_mm": 3.0}}
     with pytest.raises(gs.InputError, match="tie 'joint'"):
-        model_of(tied_scene(tmp_path, beside))
+        scene_model(tied_scene(tmp_path, beside))
     below = {**TIE, "nodes": {"z_max_mm": 0.0}}
     with pytest.raises(gs.InputError, match=r"tie .joint.: .* lie off the faces; got node 0 at"):
-        model_of(tied_scene(tmp_path, below))
-    model_of(tied_scene(tmp_path, {**below, "tolerance_mm": 1.5}))
+        scene_model(tied_scene(tmp_path, below))
+    scene_model(tied_scene(tmp_path, {**below, "tolerance_mm": 1.5}))
 
 
 def test_a_tie_is_in_the_key_of_the_solve(tmp_path: Path) -> None:

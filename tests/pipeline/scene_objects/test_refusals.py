@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 import gpusim as gs
-from gpusim.pipeline.scene_objects.modelling import build_model
-from gpusim.pipeline.scene_objects.surfaces import build_body
 from tests.pipeline.stages.test_mechanics import CLAMP, DOWN, scene
+from tests.support.scene_models import scene_model
 
 
 def test_errors_say_which_entry_they_are_about() -> None:
@@ -22,7 +21,7 @@ def test_errors_say_which_entry_they_are_about() -> None:
     }
     for name, changes in bad.items():
         with pytest.raises(gs.InputError, match=f"^body 'bar'(, |: ){name}: "):
-            build_model(build_body(scene(**changes).bodies[0]))
+            scene_model(scene(**changes))
 
 
 def test_a_scene_beyond_the_memory_is_refused_before_work(tmp_path: Path) -> None:

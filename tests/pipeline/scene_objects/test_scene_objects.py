@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 
 import gpusim as gs
-from gpusim.pipeline.scene_objects.modelling import build_model
-from gpusim.pipeline.scene_objects.surfaces import build_body
 from gpusim.scene import Scene
+from tests.support.scene_models import scene_model
 
 
 @pytest.fixture
@@ -27,7 +26,7 @@ def scene(checkout: Path) -> gs.Scene:
 def model_of(scene: gs.Scene, **changes: Any) -> gs.Model:
     for path, value in changes.items():
         scene = scene.replace(path.replace("__", "."), value)
-    return build_model(build_body(scene.bodies[0]))
+    return scene_model(scene)
 
 
 def test_a_support_by_normal_holds_the_nodes_of_those_faces_only(scene: gs.Scene) -> None:

@@ -109,6 +109,19 @@ def test_equal_frames_are_solved_once_and_in_order(tmp_path: Path) -> None:
     assert not displacement(tmp_path, 4).any()
 
 
+def test_stress_is_kept_of_what_is_looked_at(tmp_path: Path) -> None:
+    made = scene(load=[FAR], factors=[0.0, 0.5, 1.0])
+    gs.run(made, tmp_path, backend="numpy")
+    stressed = made.replace("output.stress", True)
+    assert make_plan(stressed, tmp_path, "numpy")["solve"].runs
+    gs.run(stressed, tmp_path / "stressed", backend="numpy")
+    for folder, steps in ((tmp_path, ["1"]), (tmp_path / "stressed", ["0", "1"])):
+        with np.load(folder / "solution" / "steps.npz") as stored:
+            names = [name for name in stored.files if name.startswith("stress_")]
+            assert [name.split("_")[1] for name in names] == steps
+            assert stored["u0"].shape[0] == 2
+
+
 def test_loads_with_amplitudes_of_their_own_add_up_before_they_act(tmp_path: Path) -> None:
     """Two loads in one frame are one load of their sum."""
     down = {**FAR, "amplitude": [0.0, 1.0, 1.0]}

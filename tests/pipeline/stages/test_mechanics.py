@@ -14,11 +14,10 @@ import pytest
 
 import gpusim as gs
 from gpusim.fem import von_mises
-from gpusim.pipeline.scene_objects.modelling import build_model
-from gpusim.pipeline.scene_objects.surfaces import build_body
 from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import load_groups
+from tests.support.scene_models import scene_model
 
 Float = npt.NDArray[np.float64]
 
@@ -167,12 +166,8 @@ def test_collinear_amplitudes_are_scaled_not_solved() -> None:
     made = scene(load=[DOWN, twice, none], factors=[0.0, 1.0, 1.5])
     (group,) = load_groups(made.bodies[0], made.analysis.load_factors)
     assert group.loads == ((0, 1.0), (1, 2.0)) and group.amplitude == (0.0, 1.0, 1.5)
-    parts = build_body(made.bodies[0])
-    model = build_model(parts, (group,))
+    model = scene_model(made)
     np.testing.assert_allclose(model.load_cases[0].sum(axis=0), [0.0, 60.0, -50.0], atol=1e-12)
-    # everything at its own factor where amplitudes are left aside
-    alone = build_model(parts).load_cases[0].sum(axis=0)
-    np.testing.assert_allclose(alone, [0.0, 60.0, -50.0], atol=1e-12)
     apart = scene(load=[DOWN, {**ASIDE, "amplitude": [0.0, 2.0, 3.1]}], factors=[0.0, 1.0, 1.5])
     assert len(load_groups(apart.bodies[0], apart.analysis.load_factors)) == 2
     assert gs.solve(apart, backend="numpy").u.shape[0] == 2
@@ -265,8 +260,7 @@ def test_rotation_lines_and_orthotropic_bodies(tmp_path: Path) -> None:
     line = {"name": "line", "type": "line_force", "force_N": [0.0, 0.0, -7.0],
             "where": {"x_min_mm": 240.0, "z_min_mm": 10.0}}  # fmt: skip
     made = scene(material=wood, load=[spin, line])
-    body = made.bodies[0]
-    model = build_model(build_body(body))
+    model = scene_model(made)
     omega = 600.0 * 2.0 * np.pi / 60.0
     mass = 500.0 * 0.24 * 0.02 * 0.01
     expected = [mass * omega**2 * 0.18, 0.0, -7.0]
@@ -315,24 +309,24 @@ def test_a_bimetal_strip_bends(tmp_path: Path) -> None:
     assert np.abs(report.mechanics.loads[0].force).max() <= 1e-6
     with pytest.raises(gs.InputError, match="part 0 of 'brass': where: no elements found; got "):
         part = {"material": "brass", "where": {"z_min_mm": 11.0}}
-        build_model(build_body(scene(others=[brass], part=[part]).bodies[0]))
+        scene_model(scene(others=[brass], part=[part]))
     with pytest.raises(gs.InputError, match="unknown set of elements; got 'core'"):
         part = {"material": "brass", "where": {"set": "core"}}
-        build_model(build_body(scene(others=[brass], part=[part]).bodies[0]))
+        scene_model(scene(others=[brass], part=[part]))
 
 
 def test_faults_in_supports_and_loads_name_their_place() -> None:
     round_plane = {"name": "plane", "type": "symmetry", "where": {"x_max_mm": 40.0}}
     with pytest.raises(gs.InputError, match=r"'plane': symmetry: the .* aren't in one plane"):
-        build_model(build_body(scene(support=[CLAMP, round_plane]).bodies[0]))
+        scene_model(scene(support=[CLAMP, round_plane]))
     area = {"name": "line", "type": "line_force", "where": {"set": "x_max"}, "force_N": [1.0, 0, 0]}
     with pytest.raises(gs.InputError, match="load 'line': line_force: the nodes form an area"):
-        build_model(build_body(scene(load=[area]).bodies[0]))
+        scene_model(scene(load=[area]))
     first = {"name": "first", "where": {"set": "x_max"}, "fix": ["z"],
              "displacement_mm": [0.0, 0.0, 1.0], "amplitude": [0.0, 1.0]}  # fmt: skip
     second = {**first, "name": "second", "amplitude": [0.0, 2.0]}
     with pytest.raises(gs.InputError, match=r"support 'second': 9 of its nodes .*'first'"):
-        build_model(build_body(scene(support=[CLAMP, first, second]).bodies[0]))
+        scene_model(scene(support=[CLAMP, first, second]))
 
 
 @pytest.mark.parametrize(
