@@ -19,25 +19,26 @@ def truncated_cg(
     preconditioner: Preconditioner,
     right: Float,
     forcing: float,
-) -> tuple[Float, int] | None:
-    """x (L,n) with A x = ``right`` (L,n), and the iterations that it took; None where A isn't
-    positive definite.
+) -> tuple[Float, int, float] | None:
+    """x (L,n) with A x = ``right`` (L,n), the iterations that it took, and what sqrt(r . M^-1 r)
+    has fallen to, over what it began with; None where A isn't positive definite.
 
-    It ends where sqrt(r . M^-1 r) is ``forcing`` times what it began with. Raises NotConverged for
-    numbers that aren't finite, or after 600 iterations.
+    It ends where that is ``forcing``. Raises NotConverged for numbers that aren't finite, or after
+    600 iterations.
     """
     loop = NumpyCG(apply, preconditioner)
     first = loop.begin(right)
-    active = first != 0.0
+    active, left = first != 0.0, np.zeros_like(first)
     for iteration in range(_MOST_ITERATIONS):
         if not active.any():
-            return loop.correction(), iteration
+            return loop.correction(), iteration, float(np.sqrt(left.max()))
         rz, _, beta, curvature = loop.run(1, active)[0].T
         if not np.isfinite(np.stack([rz, beta, curvature])).all():
             raise NotConverged("conjugate gradients: got values that aren't finite")
         if (active & ((curvature <= 0.0) | (rz < 0.0) | (beta < 0.0))).any():
             return None
-        active &= rz * beta > forcing**2 * first
+        left[active] = (rz * beta)[active] / first[active]
+        active &= left > forcing**2
     raise NotConverged(
         f"conjugate gradients: got {_MOST_ITERATIONS} iterations; expected a residual of "
         f"{forcing:.1e} of the first one before"

@@ -33,11 +33,13 @@ _LOOK = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """``du`` (L,N,3), prescribed displacements included, after so many ``iterations``;
-    ``definite``: the tangent's symmetric part was positive definite."""
+    """``du`` (L,N,3), prescribed displacements included, after so many ``iterations``, with what
+    the residual has fallen to, relative; ``definite``: the tangent's symmetric part was positive
+    definite."""
 
     du: Float
     iterations: int
+    residual: float
     definite: bool
 
 
@@ -68,7 +70,7 @@ class TangentSolver:
         """
         assembled, system = self._system(tangent, forces, given)
         if not system.right.any():
-            return self._whole(np.zeros_like(system.right), 0, system, True)
+            return self._whole(np.zeros_like(system.right), 0, 0.0, system, True)
         right = system.right.reshape(len(system.right), -1)
         apply, found = _product(assembled, system, tangent.skew), None
         if self._indefinite is not tangent and not self._near(tangent.u):
@@ -82,7 +84,8 @@ class TangentSolver:
                 self._take_material_part(tangent, forces, given)
             precondition = self._prepared.preconditioner.apply
             each = [gmres(apply, precondition, one[None], forcing) for one in right]
-            found = np.concatenate([x for x, _ in each]), sum(count for _, count in each)
+            x, iterations = np.concatenate([x for x, _ in each]), sum(count for _, count in each)
+            found = x, iterations, forcing
         if definite and found[1] > self._prepared.update_cost:
             self._taken = None  # that wasn't worth it: the next tangent gets its own
         return self._whole(*found, system, definite)
@@ -153,13 +156,15 @@ class TangentSolver:
             else DirectSolver(direct)
         )
 
-    def _whole(self, x: Float, iterations: int, system: System, definite: bool) -> Correction:
+    def _whole(
+        self, x: Float, iterations: int, residual: float, system: System, definite: bool
+    ) -> Correction:
         """In the model's units, with supports and what constraints gave up."""
         size = (system.load_scale / system.scale)[:, None, None]
         du = np.where(system.free, x.reshape(system.right.shape) * size, system.prescribed)
         elimination = self._equation.elimination
         whole = du if elimination is None else elimination.displacements(du)
-        return Correction(whole, iterations, definite)
+        return Correction(whole, iterations, residual, definite)
 
 
 def _product(assembled: Assembled, system: System, skew: csr_matrix | None = None) -> Apply:

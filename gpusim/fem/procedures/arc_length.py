@@ -125,7 +125,7 @@ class _Branch:
             du, ds = du + step, ds + share
             steps.append(float(np.abs(step).max()))
             moved = max(float(np.abs(u + du).max()), float(np.abs(u).max()))
-            error = error_left(steps, controls.forcing) / moved
+            error = error_left(steps, found.residual) / moved
             acting = max(float(np.abs(tangent.residual).max()), float(np.abs(force).max()))
             free = float(np.abs(equation.unbalanced(tangent.residual)).max()) / acting
             ended = error <= controls.tolerance

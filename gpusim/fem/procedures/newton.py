@@ -108,7 +108,7 @@ def _iterated(
                 f"{_LOST:.0f} times the body's extent, {extent:.3g}"
             )
         steps.append(step)
-        error = error_left(steps, controls.forcing) / (size if size > 0.0 else 1.0)
+        error = error_left(steps, found.residual) / (size if size > 0.0 else 1.0)
         residual = _relative(tangent.residual, equation, u, factors)
         ended = error <= controls.tolerance or step <= _ROUNDING * size
         definite = found.definite and (not ended or solver.definite(tangent))
@@ -133,14 +133,14 @@ def _iterated(
             tangent = equation.linearised(u, factors)
 
 
-def error_left(steps: Sequence[float], forcing: float) -> float:
+def error_left(steps: Sequence[float], residual: float) -> float:
     """What is left after the last of ``steps``, by how much shorter than the one before it was: of
     the next ones, which shrink at least as fast, and of the linear solution. One step, or one that
     doesn't shrink, tells nothing. The worse of two counts: steps may be small by turns."""
     shrink = max((after / before for before, after in pairwise(steps[-3:])), default=1.0)
     if not shrink < 0.5:
         return max(steps[:-3:-1])
-    return steps[-1] * max(shrink / (1.0 - shrink), forcing)
+    return steps[-1] * max(shrink / (1.0 - shrink), residual)
 
 
 def _relative(residual: Float, equation: Equation, u: Float, factors: Float) -> float:

@@ -43,6 +43,7 @@ def test_residuals_fall_as_far_as_asked_and_not_much_further(forcing: float) -> 
     residual = right - found[0] @ matrix
     norm = np.sqrt(np.einsum("ln,nm,lm->l", residual, inverse, residual))
     first = np.sqrt(np.einsum("ln,nm,lm->l", right, inverse, right))
+    assert found[2] == pytest.approx((norm / first).max(), rel=1e-3)
     assert (norm <= 1.01 * forcing * first).all() and (norm >= 1e-3 * forcing * first).any()
 
 
