@@ -10,7 +10,5 @@ In the order in which data passes:
   case by load case.
 - `truncated_cg`: Conjugate gradients as far as an iteration around them wants them, of Newton's
   method or for eigenvalues.
-- `gmres`: Generalised minimum residuals, for what isn't symmetric.
-- `minimum_residual`: Minimum residuals for symmetric matrices of any sign, with a definite
-  preconditioner.
+- `gmres`: Generalised minimum residuals, for matrices that are indefinite or not symmetric.
 """

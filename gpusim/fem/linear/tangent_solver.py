@@ -16,9 +16,7 @@ from gpusim.fem.assembly.equation import Equation, Tangent
 from gpusim.fem.assembly.reduced_system import reduced_system
 from gpusim.fem.assembly.system import System, finest_product, scaled_system
 from gpusim.fem.elements.element_response import Want
-from gpusim.fem.krylov.cg import Preconditioner
 from gpusim.fem.krylov.gmres import gmres
-from gpusim.fem.krylov.minimum_residual import minimum_residual
 from gpusim.fem.krylov.truncated_cg import truncated_cg
 from gpusim.fem.linear.direct_solver import DirectSolver
 from gpusim.fem.linear.multigrid_solver import MultigridSolver
@@ -49,9 +47,8 @@ class TangentSolver:
     """Of one ``equation``; which solver it is the first tangent decides, as in linear statics.
 
     Factors or levels are made anew after steps that are more than a hundredth of the motion. Where
-    a tangent is indefinite the preconditioner is made of its material part, which isn't, and
-    minimum residuals take over from conjugate gradients (Paige & Saunders, SIAM J. Numer. Anal. 12
-    (1975) 617). One with a skew part is solved by generalised ones, preconditioned alike.
+    a tangent is indefinite the preconditioner is made of its material part, which isn't. Then, and
+    where it has a skew part, minimum residuals take over from conjugate gradients.
     """
 
     def __init__(self, equation: Equation, options: Options) -> None:
@@ -76,23 +73,22 @@ class TangentSolver:
             return self._whole(np.zeros_like(system.right), 0, 0.0, system, True)
         right = system.right.reshape(len(system.right), -1)
         apply, found = _product(assembled, system, tangent.skew), None
-        if self._indefinite is not tangent:
-            if self._taken is None or not _near(tangent.u, self._taken):
-                self._take(tangent, assembled, system)
-            if self._taken is not None and self._solver is not None:
-                near = self._solver.preconditioner
-                if tangent.skew is None:
-                    found = truncated_cg(apply, near, right, forcing)
-                else:
-                    found = *_one_by_one(gmres, apply, near, right, forcing), forcing
-        if found is not None:
-            if self._solver is not None and found[1] > self._solver.update_cost:
-                self._taken = None  # that wasn't worth it: the next tangent gets its own
-            return self._whole(*found, system, True)
-        definite = self._definite(tangent, forces, given).preconditioner
-        minimise = minimum_residual if tangent.skew is None else gmres
-        x, iterations = _one_by_one(minimise, apply, definite, right, forcing)
-        return self._whole(x, iterations, forcing, system, False)
+        if self._indefinite is not tangent and not self._near(tangent.u):
+            self._take(tangent, assembled, system)
+        definite = self._taken is not None
+        if definite and tangent.skew is None:
+            found = truncated_cg(apply, self._prepared.preconditioner, right, forcing)
+            definite = found is not None
+        if found is None:
+            if not definite:
+                self._take_material_part(tangent, forces, given)
+            precondition = self._prepared.preconditioner.apply
+            each = [gmres(apply, precondition, one[None], forcing) for one in right]
+            x, iterations = np.concatenate([x for x, _ in each]), sum(count for _, count in each)
+            found = x, iterations, forcing
+        if definite and found[1] > self._prepared.update_cost:
+            self._taken = None  # that wasn't worth it: the next tangent gets its own
+        return self._whole(*found, system, definite)
 
     def definite(self, tangent: Tangent) -> bool:
         """Whether the symmetric part of a tangent that has been solved is positive definite.
@@ -107,8 +103,8 @@ class TangentSolver:
         still = np.zeros((1, *tangent.u.shape))
         assembled, system = self._system(tangent, still, still)
         every = np.where(system.free.ravel(), noise(still.size, 13), 0.0)[None]
-        preconditioner = self._solver.preconditioner
-        return truncated_cg(_product(assembled, system), preconditioner, every, _LOOK) is not None
+        near = self._solver.preconditioner
+        return truncated_cg(_product(assembled, system), near, every, _LOOK) is not None
 
     def _system(self, tangent: Tangent, forces: Float, given: Float) -> tuple[Assembled, System]:
         """What is solved, less what constraints give up."""
@@ -130,16 +126,21 @@ class TangentSolver:
         except NotConverged:
             pass
 
-    def _definite(
-        self, tangent: Tangent, forces: Float, given: Float
-    ) -> DirectSolver | MultigridSolver:
-        """Of the tangent's material part."""
+    def _take_material_part(self, tangent: Tangent, forces: Float, given: Float) -> None:
         if self._indefinite is not tangent:
             material = self._equation.linearised(tangent.u, tangent.factors, Want.MATERIAL)
             self._update(tangent, *self._system(material, forces, given))
             self._taken, self._indefinite = None, tangent
+
+    @property
+    def _prepared(self) -> DirectSolver | MultigridSolver:
         assert self._solver is not None
         return self._solver
+
+    def _near(self, u: Float) -> bool:
+        """Whether displacements have changed by less than a hundredth of themselves."""
+        taken = self._taken
+        return taken is not None and bool(np.abs(u - taken).max() <= _NEAR * np.abs(u).max())
 
     def _update(self, tangent: Tangent, assembled: Assembled, system: System) -> None:
         model = self._equation.model
@@ -173,20 +174,3 @@ def _product(assembled: Assembled, system: System, skew: csr_matrix | None = Non
         return lambda x: np.where(free, product(x), 0.0)
     # vectors are rows; minus: the transpose of a skew matrix
     return lambda x: np.where(free, product(x) - x @ skew / system.scale, 0.0)
-
-
-def _one_by_one(
-    minimise: Callable[[Apply, Apply, Float, float], tuple[Float, int]],
-    apply: Apply,
-    preconditioner: Preconditioner,
-    right: Float,
-    forcing: float,
-) -> tuple[Float, int]:
-    """Each right-hand side of (L,n) by itself, and the iterations of all."""
-    found = [minimise(apply, preconditioner.apply, one[None], forcing) for one in right]
-    return np.concatenate([x for x, _ in found]), sum(count for _, count in found)
-
-
-def _near(u: Float, taken: Float) -> bool:
-    """Whether displacements have changed by less than a hundredth of themselves."""
-    return float(np.abs(u - taken).max()) <= _NEAR * float(np.abs(u).max())
