@@ -60,9 +60,8 @@ def solve(
     ----------
     model : see ``Model``.
     device : None takes the process-wide one (none at all for ``backend="numpy"``).
-    tolerance : relative displacement error to reach, in (0, 1), as it is estimated in
-        ``gpusim.fem.krylov.error_estimates`` and ``fem.direct_solvers.iterative_refinement``; of
-        the greatest displacement in a nonlinear equilibrium.
+    tolerance : relative displacement error to reach (`gpusim.fem.krylov.error_estimates`,
+        `gpusim.fem.direct_solvers.iterative_refinement`); of the greatest one in an equilibrium.
     geometry : "linear", or "nonlinear": equilibrium of the deformed body.
     factors : load factors of the steps of a nonlinear analysis, (K,); (K,L) for a model with L load
         cases: how they add up in each step. None: one step with everything.
