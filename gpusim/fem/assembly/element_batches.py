@@ -24,7 +24,7 @@ from gpusim.parallel.threads import shared
 
 # spacings of a lattice that differ by less than this, relative, are one
 _SAME_SPACING = 2.0**-36
-# distinct elements that one processor takes at a time
+# elements that one processor takes at a time: they should stay in its cache
 _PORTION = 512
 # matrices are stored where they repeat at least this often on average
 REPEATS = 4
@@ -115,6 +115,12 @@ class Elements(Protocol):
     def at(self, which: Long) -> Float: ...
 
     def blocks(self, which: Long, diagonal: bool) -> tuple[Float, Float | None]: ...
+
+
+def portions(count: int) -> list[Long]:
+    """Numbers of ``count`` elements, as many at a time as one processor takes."""
+    every = np.arange(count)
+    return [every[first : first + _PORTION] for first in range(0, count, _PORTION)]
 
 
 def pair_blocks(matrices: Float, diagonal: bool) -> tuple[Float, Float | None]:

@@ -16,7 +16,7 @@ from scipy.sparse import csr_matrix, diags
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.fem.assembly.assembly import Assembled
-from gpusim.fem.assembly.element_batches import pair_blocks
+from gpusim.fem.assembly.element_batches import pair_blocks, portions
 from gpusim.fem.assembly.element_responses import free_strain
 from gpusim.fem.assembly.node_graph import NodeGraph
 from gpusim.fem.elements.element_response import ElementResponse, Internal, Want
@@ -28,8 +28,6 @@ from gpusim.fem.model.model import Model
 from gpusim.fem.model.thermal_loads import linear_temperature
 from gpusim.parallel.threads import shared
 
-# elements that answer at a time
-_PORTION = 512
 # of the stiffness of loads: skew parts that cancel between faces leave less
 _ROUNDING = 1e-10
 
@@ -142,12 +140,9 @@ class Equation:
         self._warm(factors)
         total = np.zeros_like(u)
         for one in self.responses:
-
-            def forces(which: Long, response: ElementResponse = one) -> Float:
-                return response.response(which, u, Want.FORCES)[0]
-
-            parts = shared(forces, portions(one.cells))
-            add_to(total, one.cells, np.concatenate(parts).reshape(*one.cells.shape, 3))
+            parts = shared(partial(one.response, u=u, want=Want.FORCES), portions(len(one.cells)))
+            forces = np.concatenate([part for part, _ in parts])
+            add_to(total, one.cells, forces.reshape(*one.cells.shape, 3))
         return total
 
     def linearised(self, u: Float, factors: Float, want: Want = Want.TANGENT) -> Tangent:
@@ -196,11 +191,7 @@ class Equation:
     def advance(self, u: Float, du: Float, foretell: bool) -> None:
         """The elements' own unknowns follow a step ``du`` (N,3) from ``u``."""
         for one in self.responses:
-
-            def move(which: Long, response: ElementResponse = one) -> None:
-                response.advance(which, u, du, foretell)
-
-            shared(move, portions(one.cells))
+            shared(partial(one.advance, u=u, du=du, foretell=foretell), portions(len(one.cells)))
 
     def work_left(self, tangent: Tangent, du: Float) -> float:
         """What is gained by going on along the last step ``du`` (N,3), per share of it, at the
@@ -255,9 +246,3 @@ def external_forces(model: Model, u: Float, factors: Float) -> Float:
     for load in model.loads:
         total += factors[load.case] * load.forces(model.mesh.points + u)
     return np.asarray(total)
-
-
-def portions(cells: Int) -> list[Long]:
-    """Numbers of elements, some at a time."""
-    every = np.arange(len(cells))
-    return [every[first : first + _PORTION] for first in range(0, len(cells), _PORTION)]

@@ -21,7 +21,7 @@ from scipy.sparse import csr_matrix
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.unique import mix, unique_hashes
-from gpusim.fem.assembly.element_batches import Elements, Group, repeating
+from gpusim.fem.assembly.element_batches import Elements, Group, portions, repeating
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.solution import Solution
 from gpusim.fem.sparse.block_rows import BlockRows, ranges
@@ -29,8 +29,6 @@ from gpusim.fem.sparse.matrix_product import add_rows, counting_sort, transpose_
 from gpusim.mesh import Mesh
 from gpusim.parallel.threads import ahead, shared
 
-# elements whose blocks are formed and added at a time: they should stay in the cache
-_PORTION = 512
 # edges that are mirrored at a time
 _MIRRORED = 1 << 14
 # entry ij of a block where its transpose has ji
@@ -195,10 +193,9 @@ class NodeGraph:
             which = np.arange(len(group.cells))
             if wanted is not None:
                 which = np.flatnonzero(wanted[group.cells].any(axis=1))
-            portions = [which[k : k + _PORTION] for k in range(0, len(which), _PORTION)]
             form = partial(_placed_blocks, group, edge_of_pair, place, diagonal_rows)
             # in the order of elements, whoever forms them: sums don't depend on processors
-            for placed in ahead(form, portions):
+            for placed in ahead(form, [which[part] for part in portions(len(which))]):
                 for at, blocks in placed:
                     add_rows(table, at, blocks)
 

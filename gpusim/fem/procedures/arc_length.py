@@ -18,7 +18,7 @@ from gpusim.errors import NotConverged
 from gpusim.fem.assembly.equation import Equation, Tangent
 from gpusim.fem.linear.tangent_solver import Correction, TangentSolver
 from gpusim.fem.model.solution import Iteration
-from gpusim.fem.procedures.newton import Controls, error_left
+from gpusim.fem.procedures.newton import Controls, error_left, relative_residual
 
 # iterations of a step, and how many the length of the next one is chosen for
 _MOST, _WANTED = 15, 5
@@ -116,8 +116,8 @@ class _Branch:
         done: list[Iteration] = []
         steps = [float(np.abs(du).max())]
         while len(done) < _MOST:
-            tangent, force = self._tangent(u + du, s + ds), self._load(u + du)
-            found = self._corrections(tangent, tangent.residual, force)
+            tangent = self._tangent(u + du, s + ds)
+            found = self._corrections(tangent, tangent.residual, self._load(u + du))
             residual, load = found.du
             share = _root(du, residual, load, length)
             step = residual + share * load
@@ -126,8 +126,7 @@ class _Branch:
             steps.append(float(np.abs(step).max()))
             moved = max(float(np.abs(u + du).max()), float(np.abs(u).max()))
             error = error_left(steps, found.residual) / moved
-            acting = max(float(np.abs(tangent.residual).max()), float(np.abs(force).max()))
-            free = float(np.abs(equation.unbalanced(tangent.residual)).max()) / acting
+            free = relative_residual(equation, tangent)
             ended = error <= controls.tolerance
             definite = found.definite and (not ended or self.solver.definite(tangent))
             done.append(Iteration(steps[-1] / moved, free, found.iterations, definite, error))

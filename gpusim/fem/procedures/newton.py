@@ -19,7 +19,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
-from gpusim.fem.assembly.equation import Equation
+from gpusim.fem.assembly.equation import Equation, Tangent
 from gpusim.fem.linear.tangent_solver import TangentSolver
 from gpusim.fem.model.solution import Iteration
 from gpusim.fem.procedures.line_search import line_search
@@ -109,7 +109,7 @@ def _iterated(
             )
         steps.append(step)
         error = error_left(steps, found.residual) / (size if size > 0.0 else 1.0)
-        residual = _relative(tangent.residual, equation, u, factors)
+        residual = relative_residual(equation, tangent)
         ended = error <= controls.tolerance or step <= _ROUNDING * size
         definite = found.definite and (not ended or solver.definite(tangent))
         done.append(
@@ -143,8 +143,9 @@ def error_left(steps: Sequence[float], residual: float) -> float:
     return steps[-1] * max(shrink / (1.0 - shrink), residual)
 
 
-def _relative(residual: Float, equation: Equation, u: Float, factors: Float) -> float:
+def relative_residual(equation: Equation, tangent: Tangent) -> float:
     """The residual on free unknowns over the forces that act."""
-    acting = np.abs(equation.external(u, factors)).max()
-    size = float(max(acting, np.abs(residual).max()))
-    return float(np.abs(equation.unbalanced(residual)).max()) / size if size > 0.0 else 0.0
+    acting = np.abs(equation.external(tangent.u, tangent.factors)).max()
+    size = float(max(acting, np.abs(tangent.residual).max()))
+    free = float(np.abs(equation.unbalanced(tangent.residual)).max())
+    return free / size if size > 0.0 else 0.0

@@ -9,8 +9,9 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
+from gpusim.fem.assembly.element_batches import portions
 from gpusim.fem.assembly.element_responses import element_responses
-from gpusim.fem.assembly.equation import Equation, external_forces, portions
+from gpusim.fem.assembly.equation import Equation, external_forces
 from gpusim.fem.elements.corotational import Corotational
 from gpusim.fem.linear.solve_plan import Options
 from gpusim.fem.linear.tangent_solver import TangentSolver
@@ -101,7 +102,7 @@ def _strain_warning(equation: Equation, u: Float) -> tuple[str, ...]:
         response.strain_extent(which, u)
         for response in equation.responses
         if isinstance(response, Corotational)
-        for which in portions(response.cells)
+        for which in portions(len(response.cells))
     ]
     strain = np.concatenate(strains) if strains else np.zeros(1)
     beyond = int((strain > _SMALL_STRAIN).sum())

@@ -68,7 +68,7 @@ def test_auto_is_nonlinear_where_linear_theory_is_too_far_off(tmp_path: Path) ->
     linear, displaced = tips
     assert abs(linear - 0.05 / 3.0) <= 1e-3 * linear
     assert abs(displaced - elastica(1.0)) <= 2e-3 * displaced
-    assert "too large" in fact and "by linear theory" in fact
+    assert "by linear theory it turns by up to" in fact
     content = json.loads((tmp_path / "1" / "report.json").read_text())
     steps = content["mechanics"]["load_steps"]
     assert [one["frame"] for one in steps] == [1, 2] and steps[1]["iterations"] >= 2
