@@ -42,7 +42,8 @@ RINGS = [Slice("hex8", "incompatible", 40), Slice("hex8", "bbar", 40),
          Slice("hex20", "reduced", 20), Slice("hex20", "full", 20), Slice("tet10", "bbar", 40),
          Slice("wedge15", "full", 20)]  # fmt: skip
 LAYERS = [Slice(ring.kind, ring.formulation, 32 if ring.cells == 20 else 64) for ring in RINGS]
-BLOCKS = [("hex8", "incompatible", (6, 12)), ("hex8", "bbar", (6, 12)), ("hex20", "reduced", (4, 8)),
+BLOCKS = [("hex8", "incompatible", (6, 12)), ("hex8", "bbar", (6, 12)),
+          ("hex20", "reduced", (4, 8)),
           ("hex20", "full", (4, 8)), ("tet10", "full", (4, 8)), ("tet10", "bbar", (4, 8)),
           ("wedge15", "full", (4, 8))]  # fmt: skip
 
