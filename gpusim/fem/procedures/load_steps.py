@@ -15,6 +15,7 @@ from gpusim.fem.linear.tangent_solver import TangentSolver
 from gpusim.fem.model.solution import Iteration, LoadStep
 from gpusim.fem.procedures.arc_length import LoadPath, PathPoint, follow_path
 from gpusim.fem.procedures.newton import Controls, equilibrium
+from gpusim.fem.recovery.linear_theory import turns_over
 
 # share of a step below which no cut-back is tried
 _LEAST_SHARE = 1.0 / 256.0
@@ -22,12 +23,13 @@ _LEAST_SHARE = 1.0 / 256.0
 
 @dataclass(eq=False)
 class _Stepping:
-    """Where a load path has been followed to: ``u`` (N,3) at the share ``done`` of it, in so many
-    ``substeps``, the last of which moved by ``length`` (2-norm)."""
+    """Where a load path has been followed to: ``u`` (N,3) at the share ``done`` of it, ``most`` at
+    most, in so many ``substeps``, the last of which moved by ``length`` (2-norm)."""
 
     path: LoadPath
     u: Float
     done: float = 0.0
+    most: float = 0.0
     substeps: int = 0
     length: float = 0.0
     iterations: list[Iteration] = field(default_factory=list)
@@ -35,6 +37,7 @@ class _Stepping:
     def move(self, share: float, u: Float, iterations: tuple[Iteration, ...]) -> None:
         self.length = float(np.linalg.norm(u - self.u))
         self.u, self.done, self.substeps = u, share, self.substeps + 1
+        self.most = max(self.most, share)
         self.iterations += iterations
 
 
@@ -51,11 +54,14 @@ def load_steps(
     any_end, wanted = replace(controls, stable=False), controls
     for number, target in enumerate(targets, start=1):
         stepping = _Stepping(LoadPath(begin, target), u)
+        # given motion and heat stress a body at first more than it stays; metal flows
+        by_forces = equation.by_forces_alone(target - begin)
+        steady = replace(wanted, steady=wanted.stable and wanted.foretell and by_forces)
         try:
-            _by_halving(equation, solver, stepping, wanted)
+            _by_halving(equation, solver, stepping, steady)
         except NotConverged:
             try:
-                if not (equation.by_forces_alone(target - begin) and stepping.substeps):
+                if not (by_forces and stepping.substeps):
                     _by_halving(equation, solver, stepping, any_end)
                 else:
                     for point in _by_arc_length(equation, solver, stepping, any_end):
@@ -63,6 +69,8 @@ def load_steps(
                         stepping.iterations, stepping.substeps = [], 0
             except NotConverged as last:
                 where = f"load step {number} of {len(targets)}, at {stepping.done:.3g} of it"
+                if stepping.most > stepping.done:
+                    where += f", beyond a limit load at {stepping.most:.3g} of it"
                 raise NotConverged(f"{where}: {last}") from None
         yield _step(equation, stepping, target, True)
         u, begin = stepping.u, target
@@ -81,11 +89,18 @@ def _by_halving(
         end = stepping.done + share
         try:
             factors = stepping.path.factors(end)
+            begun = equation.snapshot()
             found = equilibrium(equation, solver, stepping.u, factors, controls)
+            if controls.stable and turns_over(equation.model.mesh, stepping.u, found.u):
+                equation.restore(begun)
+                raise NotConverged("got a cell that turns by more than 120 degrees in one step")
         except NotConverged:
             share, in_a_row = 0.5 * share, 0
             if share < _LEAST_SHARE:
-                raise
+                if not controls.steady or stepping.substeps:
+                    raise
+                # there isn't even a beginning: steps that may leave the path are better than none
+                controls, share = replace(controls, steady=False), 1.0
             continue
         equation.commit(found.u, factors)
         stepping.move(end, found.u, found.iterations)

@@ -46,13 +46,16 @@ class Equilibrium:
 class Controls:
     """``tolerance`` of the displacements in equilibrium, relative; ``forcing``: that of each linear
     solution; ``foretell``: first with foretold stresses; ``stable``: an equilibrium whose tangent
-    is indefinite is none; ``progress`` is called with (iterations, estimated error)."""
+    is indefinite is none; ``steady``: nor is one on whose way a tangent was, which may be
+    another than the load path leads to; ``progress`` is called with (iterations, estimated
+    error)."""
 
     tolerance: float
     forcing: float
     foretell: bool
     stable: bool
     progress: Callable[[int, float], None] | None = None
+    steady: bool = False
 
 
 def equilibrium(
@@ -94,6 +97,8 @@ def _iterated(
         tangent = equation.linearised(u, factors)
         given = equation.missing(u, factors)
         found = solver.correction(tangent, tangent.residual[None], given[None], controls.forcing)
+        if controls.steady and not found.definite:
+            raise NotConverged(f"iteration {len(done) + 1}: got a state that isn't stable")
         du = found.du[0]
         equation.advance(u, du, foretell)
         u = u + du
@@ -124,7 +129,7 @@ def _iterated(
 def error_left(steps: Sequence[float], forcing: float) -> float:
     """What is left after the last of ``steps``, by how much shorter than the one before it was: of
     the next ones, which shrink at least as fast, and of the linear solution. One step, or one that
-    doesn't shrink, tells nothing. The worse of two counts: steps may be small by turns."""
+    that doesn't shrink, tells nothing. The worse of two counts: steps may be small by turns."""
     shrink = max((after / before for before, after in pairwise(steps[-3:])), default=1.0)
     if not shrink < 0.5:
         return max(steps[:-3:-1])
