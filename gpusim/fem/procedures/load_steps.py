@@ -70,7 +70,7 @@ def load_steps(
             except NotConverged as last:
                 where = f"load step {number} of {len(targets)}, at {stepping.done:.3g} of it"
                 if stepping.most > stepping.done:
-                    where += f", beyond a limit load at {stepping.most:.3g} of it"
+                    where += f", after loads turned back at {stepping.most:.3g} (a limit load?)"
                 raise NotConverged(f"{where}: {last}") from None
         yield _step(equation, stepping, target, True)
         u, begin = stepping.u, target
