@@ -71,11 +71,11 @@ def large_markdown(verdicts: Sequence[LargeVerdict]) -> str:
         "# Stability of large displacements", "",
         "Written by `python -m benchmarks.stability --large`. Seconds are of the processor.", "",
         f"{len(verdicts)} cases: {counts}.", "",
-        "Right: all load steps within the tolerance of the case (what its mesh reaches) of a closed "
+        "Right: all load steps are within the case's tolerance (what its mesh reaches) of a closed "
         "form, an integrated bar, or a second program. Warned: solved, and a warning names what is "
-        "doubtful; where the error is infinite there is no (stable) equilibrium to compare with. "
+        "doubtful; an infinite error means that there is no (stable) equilibrium to compare with. "
         "Told: an error, or `converged` is False, with the cause; steps before are right. Stopped: "
-        "the same without the cause. The column says what else a case should have ended in.",
+        "the same without the cause. The column says if a case should have ended otherwise.",
         "", "| case | against | tolerance | error | stated | iterations | s | ends | message |",
         "|---|---|---|---|---|---|---|---|---|",
     ]  # fmt: skip
