@@ -12,7 +12,11 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+import numpy as np
+
 from tests.support import calculix
+from tests.support.bonded_block import FORCE, plate_force
+from tests.support.plastic_cases import Slice, bent, tube_under_pressure, widened_tube
 from tests.support.verification_models import (
     Problem,
     cook_membrane,
@@ -33,6 +37,15 @@ PLATES = {
     "tet10": (10, (8, 12, 1), (6, 8, 4)),
     "wedge15": (10, (8, 12, 1), (6, 8, 4)),
 }
+
+RINGS = [Slice("hex8", "incompatible", 40), Slice("hex8", "bbar", 40),
+         Slice("hex20", "reduced", 20), Slice("hex20", "full", 20), Slice("tet10", "bbar", 40),
+         Slice("wedge15", "full", 20)]  # fmt: skip
+LAYERS = [Slice(ring.kind, ring.formulation, 32 if ring.cells == 20 else 64) for ring in RINGS]
+BLOCKS = [("hex8", "incompatible", (6, 12)), ("hex8", "bbar", (6, 12)),
+          ("hex20", "reduced", (4, 8)),
+          ("hex20", "full", (4, 8)), ("tet10", "full", (4, 8)), ("tet10", "bbar", (4, 8)),
+          ("wedge15", "full", (4, 8))]  # fmt: skip
 
 
 def peer(problem: Problem, kind: str, formulation: str) -> dict[str, float] | None:
@@ -85,6 +98,31 @@ def plates() -> None:
         print(f"| {kind} {formulation} | {' | '.join(row)} |")
 
 
+def plasticity() -> None:
+    """Greatest errors of bodies that flow, by one coordinate each."""
+    print("\n| element | bore | hoop stress left | axial stress left | widened | plate | blade |")
+    print("|---|---|---|---|---|---|---|")
+    for ring, layer in zip(RINGS, LAYERS, strict=True):
+        errors = [*tube_under_pressure(ring).values(), abs(widened_tube(ring, 3))]
+        errors += [float(np.abs(bent(layer, plate)).max()) for plate in (True, False)]
+        cells = " | ".join(f"{error:.3%}" for error in errors)
+        print(f"| {ring.kind} {ring.formulation} ({ring.cells}, {layer.cells}) | {cells} |")
+
+
+def blocks() -> None:
+    """Force of the bonded block on two meshes, and how far off that is."""
+    print("\n| element | cells | force | off by | cells | force | off by |")
+    print("|---|---|---|---|---|---|---|")
+    for kind, formulation, counts in BLOCKS:
+        row = []
+        for cells in counts:
+            force = plate_force(kind, formulation, cells)
+            row.append(f"{cells} | {force:.6f} | {force / FORCE - 1.0:.3%}")
+        print(f"| {kind} {formulation} | {' | '.join(row)} |")
+
+
 if __name__ == "__main__":
     beams()
     plates()
+    plasticity()
+    blocks()

@@ -61,13 +61,14 @@ class Slice:
     def solve(
         self, model: Model, factors: Sequence[float] | Float
     ) -> tuple[Solution, list[LoadStep]]:
-        """The solution, and the steps asked for."""
+        """The solution, and its steps, none of which had to be cut back."""
         form = {self.kind: self.formulation}
         found = solve(
             model, geometry="nonlinear", factors=factors, formulation=form, tolerance=1e-8
         )
         assert found.converged, found.message
-        return found, [step for step in found.steps if step.wanted]
+        assert all(step.wanted and step.substeps == 1 for step in found.steps)
+        return found, list(found.steps)
 
     def points(self, mesh: Mesh) -> Float:
         """(M,Q,3) quadrature points at rest."""

@@ -26,6 +26,9 @@ from gpusim.fem.procedures.line_search import line_search
 
 # of the motion: a step below it is rounding
 _ROUNDING = 1e-13
+# by which a step shrinks, at best, as far as is counted on: one that had nothing to find, as where
+# the first step of an even strain was right, doesn't tell how good a tangent is
+_SHRINK = 1e-4
 # an iterate this many times as large as the body has left for good
 _LOST = 1e3
 
@@ -144,7 +147,7 @@ def error_left(steps: Sequence[float], residual: float) -> float:
     shrink = max((after / before for before, after in pairwise(steps[-3:])), default=1.0)
     if not shrink < 0.5:
         return max(steps[:-3:-1])
-    return steps[-1] * max(shrink / (1.0 - shrink), residual)
+    return steps[-1] * max(shrink / (1.0 - shrink), residual, _SHRINK)
 
 
 def relative_residual(equation: Equation, tangent: Tangent) -> float:
