@@ -1,4 +1,4 @@
-"""Large displacements against references, and time beside CalculiX:
+"""Large displacements against references, and time beside CalculiX and torch-fem:
 ``python -m benchmarks.nonlinear``."""
 
 from __future__ import annotations
@@ -6,20 +6,22 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterable, Iterator, Sequence
 
-from benchmarks.nonlinear import accuracy, speed
+from benchmarks.nonlinear import accuracy, speed, stretch
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--case", default="", metavar="TEXT", help="part of the cases' names")
-    parser.add_argument("--only", choices=("accuracy", "speed"), help="default both")
+    parser.add_argument("--only", choices=("accuracy", "speed", "stretch"), help="default all")
     parser.add_argument("--repeat", type=int, default=2, help="runs of which the best counts")
     parser.add_argument("--no-peers", action="store_true", help="measure gpusim alone")
     given = parser.parse_args()
-    if given.only != "speed":
+    if given.only in (None, "accuracy"):
         _print(accuracy.HEADINGS, accuracy.accuracy(given.case))
-    if given.only != "accuracy":
+    if given.only in (None, "speed"):
         _print(speed.HEADINGS, speed.speed(given.case, given.repeat, not given.no_peers))
+    if given.only in (None, "stretch"):
+        _print(stretch.HEADINGS, stretch.stretch(not given.no_peers))
 
 
 def _print(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:

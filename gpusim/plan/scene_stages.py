@@ -78,7 +78,7 @@ def _looks(build: StageBuilder) -> Iterator[Stage]:
 
 def _linear_theory(build: StageBuilder, moving: Sequence[str]) -> Iterator[Stage]:
     if "solution" in moving and "equilibria" not in moving:
-        needs = build.of_bodies("mesh") | build.of_bodies("model") | build.of_bodies("motion")
+        needs = build.of_bodies("mesh") | build.of_bodies("motion")
         yield build.stage("linear theory", "checks:linear_theory", ["body.*.mechanics"], needs,
                           [list(build.frames)], keeps=True)  # fmt: skip
 

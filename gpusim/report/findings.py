@@ -59,7 +59,8 @@ class LoadStepRow:
     took: ``iterations``, those of the linear solver in them, in how many ``substeps``.
 
     ``moved_mm``: greatest displacement, ``linear_mm``: by linear theory; ``error_estimate``:
-    relative, of the greatest displacement.
+    relative, of the greatest displacement; ``stored_J``: energy in the material, ``work_J``: of
+    loads and supports from frame to frame (trapezoidal rule).
     """
 
     body: str
@@ -71,6 +72,8 @@ class LoadStepRow:
     solver_iterations: int
     substeps: int
     error_estimate: float
+    stored_J: float
+    work_J: float
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,8 @@ from benchmarks.nonlinear.__main__ import _markdown
 from benchmarks.nonlinear.accuracy import HEADINGS, Row, measured
 from benchmarks.nonlinear.calculix import calculix
 from benchmarks.nonlinear.speed import bent_cantilever, waisted_plate
+from benchmarks.nonlinear.stretch import HEADINGS as STRETCH_HEADINGS
+from benchmarks.nonlinear.stretch import exact_force, stretched_block, torch_fem
 from gpusim.fem import solve
 from tests.support.nonlinear_cases import NonlinearCase, end_load
 
@@ -52,3 +54,16 @@ def test_calculix_pulls_the_same_plate() -> None:
     assert other is not None
     own = solve(model, geometry="nonlinear", factors=[0.25, 0.5, 0.75, 1.0])
     assert np.abs(other.u - own.u).max() <= 0.02 * np.abs(own.u).max()
+
+
+def test_the_stretched_block_takes_the_force_of_its_law() -> None:
+    model, end = stretched_block(5)
+    factors = (np.geomspace(1.0, 10.0, 6)[1:] - 1.0) / 9.0
+    found = solve(model, geometry="nonlinear", factors=factors, tolerance=1e-9)
+    assert found.reactions[end, 0].sum() == pytest.approx(exact_force(), rel=1e-8)
+
+
+def test_torch_fem_may_be_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GPUSIM_PEERS_PYTHON", "/nowhere/python")
+    row = torch_fem(5, exact_force())
+    assert row[:2] == ["torch-fem", "missing"] and len(row) == len(STRETCH_HEADINGS)

@@ -59,9 +59,8 @@ def solve(
     ----------
     model : see ``Model``.
     device : None takes the process-wide one (none at all for ``backend="numpy"``).
-    tolerance : relative displacement error to reach, in (0, 1), as it is estimated in
-        ``gpusim.fem.krylov.error_estimates`` and ``fem.direct_solvers.iterative_refinement``; of
-        the greatest displacement in a nonlinear equilibrium.
+    tolerance : relative displacement error to reach (`gpusim.fem.krylov.error_estimates`,
+        `gpusim.fem.direct_solvers.iterative_refinement`); of the greatest one in an equilibrium.
     geometry : "linear", or "nonlinear": equilibrium of the deformed body.
     factors : load factors of the steps of a nonlinear analysis, (K,); (K,L) for a model with L load
         cases: how they add up in each step. None: one step with everything.
@@ -74,8 +73,7 @@ def solve(
         cheaper of the two; direct also where multigrid doesn't converge.
     max_iterations : of conjugate gradients by linear theory; None: 1000.
     start : (N,3) or (L,N,3) to begin from, by linear theory; a direct solver needs none.
-    progress : called with (iterations, estimated relative error), of this process's load cases, or
-        of each equilibrium.
+    progress : called with (iterations, estimated relative error), of load cases here or equilibria.
 
     Raises
     ------
@@ -109,8 +107,8 @@ def solve(
     require(called, "solve progress", repr(progress), "a function, or None")
     targets = _targets(model, geometry, factors, start)
     keep_freed_memory()
-    most = None if max_iterations is None else int(max_iterations)
-    options = Options(method, device, backend, tolerance, most, _start(model, start), progress,
+    most, begin = max_iterations and int(max_iterations), _start(model, start)
+    options = Options(method, device, backend, tolerance, most, begin, progress,
                       resolve_formulation(model, formulation), Clock())  # fmt: skip
     # sums by several threads of BLAS aren't worth their waiting; the work is shared out above it
     with one_blas_thread():

@@ -1,17 +1,5 @@
-"""How far linear statics is off where a body turns: an estimate from the linear solution.
-
-For a slender body under forces that keep their direction, the potential of an inextensible bar to
-fourth order in its rotation w gives displacements that are less than the linear ones by the share
-2 <w^2>, the mean of w^2 weighted by the strain energy: a quarter because the bar keeps its length,
-three because the forces' arms get shorter (of a cantilever with a force F at its tip, that is
-(4/35) (F L^2 / E I)^2, as for the elastica). Without forces (heat, given displacements) the arms
-don't matter, and a bar of constant curvature has <w^2> / 4, weighted by volume. What stress along
-the bar does beside, pressing or pulling, is of first order: the work of the stress on the
-rotations over that of the forces. 1 / sqrt(1 + 2 x) goes on from the first order x as the elastica
-does: within 9 % of its error up to F L^2 / E I = 3, where linear theory is 66 % too far.
-
-Bodies held at both ends also stiffen because they are stretched; that isn't in the estimate:
-`stretching` bounds it, and `gpusim.fem.procedures.expansion` finds it.
+"""How far bodies turn by linear theory, and what strain that leaves out: where both are small, it
+is right. Where they aren't, `gpusim.fem.procedures.expansion` finds what it is off by.
 """
 
 from __future__ import annotations
@@ -19,44 +7,8 @@ from __future__ import annotations
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.fem.model.model import Model
-from gpusim.fem.recovery.stress import Stress, stress
 from gpusim.mesh import CELL_TYPES, Mesh
 from gpusim.mesh.shape_functions import reference_nodes, shape_gradients
-
-
-def second_order(
-    model: Model,
-    u: Float,
-    formulation: str,
-    *,
-    forced: bool = True,
-    temperature: float | None = None,
-) -> float:
-    """What an exact solution has of the linear displacements ``u`` (N, 3), about (above 0).
-
-    ``forced``: forces act, not heat or given displacements alone.
-    """
-    turn = cell_rotations(model.mesh, u)
-    square = np.einsum("mi,mi->m", turn, turn)
-    found = stress(model, u, formulation, temperature=temperature)
-    weight = found.energy if forced else found.volume
-    total = float(weight.sum())
-    if not total > 0.0:
-        return 1.0
-    loss = (2.0 if forced else 0.25) * float(square @ weight) / total
-    pressed = _pressed(found, turn, square) if forced else 0.0
-    bent = 1.0 / np.sqrt(1.0 + 2.0 * loss)
-    return float(bent / max(1.0 - pressed, 0.1))
-
-
-def _pressed(found: Stress, turn: Float, square: Float) -> float:
-    """Share that displacements grow by, to first order, where the stress presses along the body."""
-    xx, yy, zz, xy, yz, zx = found.cell.T
-    x, y, z = turn.T
-    own = xx * x * x + yy * y * y + zz * z * z + 2.0 * (xy * x * y + yz * y * z + zx * z * x)
-    work = (square * (xx + yy + zz) - own) @ found.volume
-    return float(-work / (2.0 * found.energy.sum()))
 
 
 def cell_rotations(mesh: Mesh, u: Float) -> Float:

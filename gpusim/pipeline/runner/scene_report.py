@@ -288,13 +288,15 @@ def _newton_table(steps: Sequence[LoadStepRow]) -> tuple[Table, ...]:
         return ()
     columns = (
         "Body", "Frame", "Load", "Greatest displacement / mm", "By linear theory / mm", "Steps",
-        "Iterations", "Iterations of the linear solver", "Estimated error",
+        "Iterations", "Iterations of the linear solver", "Estimated error", "Stored / J",
+        "Work / J",
     )  # fmt: skip
     shown = np.unique(np.linspace(0, len(steps) - 1, min(len(steps), _MOST_ROWS)).astype(int))
     rows = tuple(
         (one.body, str(one.frame), f"{one.factor:g}", number(one.moved_mm, 5),
          number(one.linear_mm, 5), str(one.substeps), str(one.iterations),
-         str(one.solver_iterations), f"{one.error_estimate:.1e}")
+         str(one.solver_iterations), f"{one.error_estimate:.1e}", number(one.stored_J, 4),
+         number(one.work_J, 4))
         for one in (steps[k] for k in shown)
     )  # fmt: skip
     return (Table("Newton's method", columns, rows),)

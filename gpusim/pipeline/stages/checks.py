@@ -20,11 +20,10 @@ def geometry(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
 
 def linear_theory(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """How far it is off for each body."""
-    from gpusim.pipeline.checks.linear_theory import linear_error
+    from gpusim.pipeline.checks.linear_theory import linear_motion
 
     objects = moving_bodies(scene, inputs, [one.shown for one in inputs.row])
-    models = [inputs[f"model/{body.name}"].model for body in scene.bodies]
-    errors = [linear_error(objects, number, model) for number, model in enumerate(models)]
-    warnings = [one.warning for one in errors if one.warning]
-    facts = {f"linear statics, {one.body}": one.fact for one in errors}
+    found = [linear_motion(objects, number) for number in range(len(scene.bodies))]
+    warnings = [one.warning for one in found if one.warning]
+    facts = {f"linear statics, {one.body}": one.fact for one in found}
     return StageResult(notes=notes_of(warnings, facts))

@@ -16,7 +16,6 @@ from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
 from gpusim.motion import Motion, State, Stepped
-from gpusim.pipeline.checks.linear_theory import FORCES
 from gpusim.pipeline.notes import notes_of
 from gpusim.pipeline.scene_objects.cameras import build_camera
 from gpusim.pipeline.scene_objects.load_steps import step_fields
@@ -26,6 +25,7 @@ from gpusim.pipeline.scene_objects.solution import SceneSolution
 from gpusim.pipeline.stages.mechanics import stored_steps
 from gpusim.report import FieldPicture, LoadPath
 from gpusim.scene import Scene
+from gpusim.scene.description import model as m
 from gpusim.scene.frames import FrameTable
 from gpusim.visualization.body_picture import BodyPictures, DisplacedBody, extremes
 from gpusim.visualization.turntable import ISOMETRIC, Turntable
@@ -159,7 +159,7 @@ def _load_path(
     held = slice(None) if driven is None else slice(driven, driven + 1)
     moved, forces, most = _followed(motion, states, node, held)
     loads = objects.bodies[number].body.loads
-    pulled = driven is not None or any(isinstance(load, FORCES) for load in loads)
+    pulled = driven is not None or any(not isinstance(load, m.ThermalTable) for load in loads)
     if not (pulled and np.linalg.norm(forces, axis=1).max() > ROUNDED * most):
         forces[:] = 0.0  # what heat alone moves holds itself
     x, y, z = (1e3 * body.skin.mesh.points[node]).tolist()

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 import pytest
 
 import gpusim as gs
 from gpusim.fem.procedures.expansion import higher_orders
-from gpusim.fem.recovery.linear_theory import stretching
-from gpusim.mesh import Mesh, box
+from gpusim.mesh import box
 
 Float = npt.NDArray[np.float64]
 LENGTH = 0.24
@@ -61,13 +58,3 @@ def test_orders_are_those_of_the_load() -> None:
     halves = gs.Model(model.mesh, model.materials, model.fixed, np.stack([model.forces] * 2))
     both = higher_orders(halves, u, np.array([0.3, 0.7]), "incompatible")
     assert np.abs(both - one).max() <= 1e-3 * np.abs(one).max()
-
-
-def test_stretching_compares_strains() -> None:
-    mesh: Mesh = box((0.3, 0.2, 0.1), (3, 2, 1))
-    pulled: Any = mesh.points * [1e-3, 0.0, 0.0]
-    assert stretching(mesh, pulled) == pytest.approx((0.5 * 1e-6 / 1e-3) ** 2, rel=1e-9)
-    # turned by w about z: w^2 / 2 in x and y
-    turned = 0.01 * np.stack([-mesh.points[:, 1], mesh.points[:, 0], 0.0 * mesh.points[:, 2]], 1)
-    assert stretching(mesh, pulled + turned) == pytest.approx(2 * (0.5e-4 / 1e-3) ** 2, rel=0.2)
-    assert stretching(mesh, 0.0 * pulled) == 0.0
