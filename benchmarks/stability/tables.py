@@ -10,9 +10,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks.plain_json import plain_json
+from benchmarks.stability.nonlinear_suite import WARNED, LargeVerdict
 from benchmarks.stability.suite import RIGHT, SILENT, STOPPED, TOLD, Verdict
 
-__all__ = ["stability_markdown", "write_stability"]
+__all__ = ["large_markdown", "stability_markdown", "write_large", "write_stability"]
 
 _VERDICTS = {RIGHT: "C0", TOLD: "C1", STOPPED: "0.5", SILENT: "red"}
 
@@ -48,6 +49,42 @@ def stability_markdown(verdicts: Sequence[Verdict], machine: str) -> str:
         lines.append(
             f"| {v.case} | {v.way} | {v.unknowns or '-'} | {_short(v.error)} "
             f"| {_short(v.stated)} | {v.iterations} | {v.seconds:.1f} | {v.verdict} | {message} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def write_large(verdicts: Sequence[LargeVerdict], folder: Path) -> Path:
+    """``stability_large.md`` in ``folder``."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "stability_large.md"
+    path.write_text(large_markdown(verdicts), encoding="utf-8")
+    return path
+
+
+def large_markdown(verdicts: Sequence[LargeVerdict]) -> str:
+    """Counts, then a table with one row per case."""
+    counts = ", ".join(
+        f"{sum(v.verdict == kind for v in verdicts)} {kind}"
+        for kind in (RIGHT, WARNED, TOLD, STOPPED, SILENT)
+    )
+    lines = [
+        "# Stability of large displacements", "",
+        "Written by `python -m benchmarks.stability --large`. Seconds are of the processor.", "",
+        f"{len(verdicts)} cases: {counts}.", "",
+        "Right: all load steps are within the case's tolerance (what its mesh reaches) of a closed "
+        "form, an integrated bar, or a second program. Warned: solved, and a warning names what is "
+        "doubtful; an infinite error means that there is no (stable) equilibrium to compare with. "
+        "Told: an error, or `converged` is False, with the cause; steps before are right. Stopped: "
+        "the same without the cause. The column says if a case should have ended otherwise.",
+        "", "| case | against | tolerance | error | stated | iterations | s | ends | message |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]  # fmt: skip
+    for v in verdicts:
+        ends = v.verdict if v.verdict == v.wanted else f"**{v.verdict}**, wanted {v.wanted}"
+        message = v.message.replace("|", "/").replace("\n", " ")
+        lines.append(
+            f"| {v.family}: {v.case} | {v.source} | {v.tolerance:g} | {_short(v.error)} "
+            f"| {_short(v.stated)} | {v.iterations} | {v.seconds:.1f} | {ends} | {message} |"
         )
     return "\n".join(lines) + "\n"
 

@@ -71,7 +71,7 @@ class ScaledLoads(Ramped):
         super().__init__(np.zeros(shape))
         self._steps = np.zeros(shape, dtype=np.int32)
 
-    def add(self, place: tuple[Any, Any], value: float, scale: Scale, where: str) -> None:
+    def add(self, place: Any, value: float, scale: Scale, where: str) -> None:
         """``value``, scaled, at a place of the array. Raises InputError for two amplitudes."""
         again = self._steps[place] == scale.step
         if (again & (self.follows[place] != scale.follows)).any():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -74,31 +74,22 @@ _UNIT = np.eye(3)
 
 @dataclass(eq=False)
 class _BodyLoad:
-    """``kind`` GRAV, CENTRIF or B; ``vector`` (3,) direction, or (6,) point and axis; ``value`` its
-    size, ``old`` what it was at the end of the step before."""
+    """``kind`` GRAV, CENTRIF or B; ``vector`` (3,) direction, or (6,) point and axis; its ``size``
+    (1,), the ``scale`` of which was given last."""
 
     kind: str
     cells: Long
     vector: Float
-    value: float
     scale: Scale
     where: str
-    old: float = 0.0
+    size: ScaledLoads = field(default_factory=lambda: ScaledLoads(1))
 
-    def at(self, moment: Moment) -> float:
-        return float(moment.of(self.value, self.scale.follows, self.old))
-
-    def adds(self, other: _BodyLoad) -> bool:
-        """Whether another load is more of this one, or takes its place; it does then."""
+    def is_more_of(self, other: _BodyLoad) -> bool:
+        """Whether it adds to another load, or takes its place."""
         same = self.kind == other.kind and np.array_equal(self.vector, other.vector)
-        again = self.scale.step == other.scale.step
-        if not (same and np.array_equal(self.cells, other.cells)) or (
-            again and self.scale.follows != other.scale.follows
-        ):
-            return False
-        self.value = other.value + (self.value if again else 0.0)
-        self.scale = other.scale
-        return True
+        other_amplitude = self.scale.follows != other.scale.follows
+        apart = self.scale.step == other.scale.step and other_amplitude
+        return same and np.array_equal(self.cells, other.cells) and not apart
 
 
 class Forces:
@@ -117,15 +108,16 @@ class Forces:
     def clear_distributed(self) -> None:
         self.pressures.clear()
         for load in self.bodies:
-            load.value, load.scale = 0.0, Scale()
+            load.size.clear()
+            load.scale = Scale()
 
     def end(self, moment: Moment) -> None:
         """A step has ended."""
         self.nodal.end(moment)
         self.pressures.end(moment)
         for load in self.bodies:
-            load.old = load.at(moment)
-        self.bodies = [load for load in self.bodies if load.value or load.old]
+            load.size.end(moment)
+        self.bodies = [one for one in self.bodies if one.size.values.any() or one.size.old.any()]
 
     def read_nodal(self, card: Card, scale: Scale) -> None:
         """*CLOAD: node or node set, degree of freedom, force (in the node's own axes)."""
@@ -162,9 +154,12 @@ class Forces:
                 require(value >= 0.0, f"{where}: CENTRIF", f"{value:g}", expected)
             else:
                 raise InputError(f"{where}: load {row[1]} isn't supported; expected {_EXPECTED}")
-            load = _BodyLoad(label, cells, vector, value, scale, where)
-            if not any(known.adds(load) for known in self.bodies):
+            load = _BodyLoad(label, cells, vector, scale, where)
+            known = next((one for one in self.bodies if load.is_more_of(one)), load)
+            if known is load:
                 self.bodies.append(load)
+            known.size.add(0, value, scale, where)
+            known.scale = scale
 
     def read_surface(self, card: Card, scale: Scale) -> None:
         """*DSLOAD: surface, P, pressure."""
@@ -206,7 +201,7 @@ class Forces:
         mesh, formulation = self.body.mesh, self.body.formulation
         rho = np.array([one.density for one in self.body.materials])[self.body.material_of_cell]
         for load in self.bodies:
-            value = load.at(moment)
+            (value,) = load.size.at(moment)
             share = np.zeros(mesh.cell_count)
             share[load.cells] = 1.0 if load.kind == "B" else rho[load.cells]
             light = load.cells[share[load.cells] == 0.0]

@@ -17,8 +17,9 @@ from benchmarks.solver.measure import PeerCaseResult, SolverResult
 from benchmarks.solver.peers import PEERS, SCRIPTS, Peer, run_peer
 from benchmarks.solver.problem import write_problem
 from benchmarks.solver.tables import solver_markdown, write_solver
+from benchmarks.stability.nonlinear_suite import WARNED, LargeVerdict
 from benchmarks.stability.suite import RIGHT, SILENT, Verdict
-from benchmarks.stability.tables import stability_markdown, write_stability
+from benchmarks.stability.tables import large_markdown, stability_markdown, write_stability
 from gpusim.bench.solver import Point
 from gpusim.bench.solver_cases import find_cases
 from gpusim.cli import app
@@ -93,6 +94,17 @@ def test_tables_and_figures_are_written(tmp_path: Path) -> None:
     assert [path.name for path in paths] == ["solver.md", "solver.json", "solver.png"]
     assert json.loads(paths[1].read_text())["cases"][2]["points"][1]["error"] == 3e-7
     assert paths[2].read_bytes()[:4] == b"\x89PNG"
+
+
+def test_table_of_large_displacements_says_what_should_have_been() -> None:
+    verdicts = [
+        LargeVerdict("arch", "led", RIGHT, 1e-3, "beam", 12, 2e-4, 1e-7, 9, 0.5, RIGHT, ""),
+        LargeVerdict("arch", "pressed", RIGHT, 1e-3, verdict=WARNED, message="a | b"),
+    ]
+    text = large_markdown(verdicts)
+    assert "2 cases: 1 right, 1 warned, 0 told" in text
+    assert "| arch: led | beam | 0.001 | 2e-04 | 1e-07 | 9 | 0.5 | right |  |" in text
+    assert "| **warned**, wanted right | a / b |" in text
 
 
 def test_stability_table_counts_and_names(tmp_path: Path) -> None:

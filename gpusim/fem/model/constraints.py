@@ -180,14 +180,20 @@ def follow(faces: Faces, nodes: Long, face: Long, shares: Float) -> Equations:
     return Equations(csr_matrix(kron(by_node, eye(3))), np.zeros(3 * len(nodes)))
 
 
-def objects_of(kind: type[Kind], given: Any, where: str) -> tuple[Kind, ...]:
+def objects_of(kind: type[Kind], given: Any, where: str, expected: str = "") -> tuple[Kind, ...]:
     """Objects of one ``kind``; one by itself as a tuple of one. Raises InputError naming what is
-    none."""
-    several = isinstance(given, Iterable) and not isinstance(given, kind)
+    none, and what is ``expected``."""
+
+    def fits(thing: Any) -> bool:
+        # a class has the same attributes as its instances
+        return isinstance(thing, kind) and not isinstance(thing, type)
+
+    several = isinstance(given, Iterable) and not fits(given)
     objects = tuple(given) if several else (given,)
     for number, one in enumerate(objects):
         place = f"{where}[{number}]" if several else where
-        require(isinstance(one, kind), place, type(one).__name__, f"objects of {kind.__name__}")
+        got = f"the class {one.__name__}" if isinstance(one, type) else type(one).__name__
+        require(fits(one), place, got, expected or f"objects of {kind.__name__}")
     return objects
 
 

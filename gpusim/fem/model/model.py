@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +17,8 @@ from gpusim.fem.model.follower_loads import FollowerPressure
 from gpusim.field_summary import field_summary
 from gpusim.mesh import Mesh
 from gpusim.validation import as_float64, require, require_one_of, unmasked
+
+_MATERIALS = "Isotropic, Orthotropic or another law, or a list of them"
 
 
 @unmasked()
@@ -68,7 +70,9 @@ class Model:
     def __post_init__(self) -> None:
         require(isinstance(self.mesh, Mesh), "Model.mesh", type(self.mesh).__name__, "a Mesh")
         shape = self.mesh.points.shape
-        materials = _materials(self.materials)
+        # a protocol is as good as a class here
+        materials = objects_of(Material, self.materials, "Model.materials", _MATERIALS)  # type: ignore[type-abstract]
+        require(bool(materials), "Model.materials", "none", _MATERIALS)
         _check_stiffness(materials)
         fixed = np.zeros(shape, dtype=bool) if self.fixed is None else np.array(self.fixed)
         fits = fixed.shape == shape and fixed.dtype == np.bool_
@@ -127,31 +131,6 @@ class Model:
     def densities(self) -> Float:
         """(M,) density per cell."""
         return np.array([one.density for one in self.materials])[self.material_of_cell]
-
-
-def _materials(given: Any) -> tuple[Material, ...]:
-    """A single material as a list of one. Raises InputError naming what is none."""
-    if _is_material(given):
-        return (given,)
-    expected = "expected Isotropic, Orthotropic or another law, or a list of them"
-    if isinstance(given, type) or not isinstance(given, Iterable):
-        raise InputError(f"Model.materials: got {_kind(given)}; {expected}")
-    materials = tuple(given)
-    if not materials:
-        raise InputError(f"Model.materials: got none; {expected}")
-    for number, one in enumerate(materials):
-        if not _is_material(one):
-            raise InputError(f"Model.materials[{number}]: got {_kind(one)}; {expected}")
-    return materials
-
-
-def _kind(thing: Any) -> str:
-    return f"the class {thing.__name__}" if isinstance(thing, type) else type(thing).__name__
-
-
-def _is_material(thing: Any) -> bool:
-    # a class has the same attributes as its instances
-    return isinstance(thing, Material) and not isinstance(thing, type)
 
 
 def _float(name: str, value: Any) -> Float:

@@ -14,7 +14,8 @@ from gpusim.fem.assembly.equation import Equation
 from gpusim.fem.linear.tangent_solver import TangentSolver
 from gpusim.fem.model.solution import Iteration, LoadStep
 from gpusim.fem.procedures.arc_length import LoadPath, PathPoint, follow_path
-from gpusim.fem.procedures.newton import Controls, equilibrium
+from gpusim.fem.procedures.newton import Controls, Steps, equilibrium
+from gpusim.fem.recovery.linear_theory import turns_over
 
 # share of a step below which no cut-back is tried
 _LEAST_SHARE = 1.0 / 256.0
@@ -22,12 +23,13 @@ _LEAST_SHARE = 1.0 / 256.0
 
 @dataclass(eq=False)
 class _Stepping:
-    """Where a load path has been followed to: ``u`` (N,3) at the share ``done`` of it, in so many
-    ``substeps``, the last of which moved by ``length`` (2-norm)."""
+    """Where a load path has been followed to: ``u`` (N,3) at the share ``done`` of it, ``most`` at
+    most, in so many ``substeps``, the last of which moved by ``length`` (2-norm)."""
 
     path: LoadPath
     u: Float
     done: float = 0.0
+    most: float = 0.0
     substeps: int = 0
     length: float = 0.0
     iterations: list[Iteration] = field(default_factory=list)
@@ -35,6 +37,7 @@ class _Stepping:
     def move(self, share: float, u: Float, iterations: tuple[Iteration, ...]) -> None:
         self.length = float(np.linalg.norm(u - self.u))
         self.u, self.done, self.substeps = u, share, self.substeps + 1
+        self.most = max(self.most, share)
         self.iterations += iterations
 
 
@@ -57,6 +60,8 @@ def load_steps(
                 stepping.iterations, stepping.substeps = [], 0
         except NotConverged as last:
             where = f"load step {number} of {len(targets)}, at {stepping.done:.3g} of it"
+            if stepping.most > stepping.done:
+                where += f", after loads turned back at {stepping.most:.3g} (a limit load?)"
             raise NotConverged(f"{where}: {last}") from None
         yield _step(equation, stepping, target, True)
         u, begin = stepping.u, target
@@ -70,13 +75,16 @@ def _passed(
 ) -> Iterator[PathPoint]:
     """To the end of the path, past the points by arc length that are yielded: with stable ends if
     there is such a way."""
+    path = stepping.path
+    by_forces = equation.by_forces_alone(path.target - path.begin)
+    # given motion and heat stress a body at first more than it stays; metal flows
+    steady = by_forces and controls.stable and controls.steps is Steps.FORETOLD
     try:
-        _by_halving(equation, solver, stepping, controls)
+        _by_halving(equation, solver, stepping, replace(controls, steady=steady))
         return
     except NotConverged:
         any_end = replace(controls, stable=False)
-    path = stepping.path
-    if equation.by_forces_alone(path.target - path.begin) and stepping.substeps:
+    if by_forces and stepping.substeps:
         yield from _by_arc_length(equation, solver, stepping, any_end)
     else:
         _by_halving(equation, solver, stepping, any_end)
@@ -93,11 +101,18 @@ def _by_halving(
         end = stepping.done + share
         try:
             factors = stepping.path.factors(end)
+            begun = equation.snapshot()
             found = equilibrium(equation, solver, stepping.u, factors, controls)
+            if controls.stable and turns_over(equation.model.mesh, stepping.u, found.u):
+                equation.restore(begun)
+                raise NotConverged("got a cell that turns by more than 120 degrees in one step")
         except NotConverged:
             share, in_a_row = 0.5 * share, 0
             if share < _LEAST_SHARE:
-                raise
+                if not controls.steady or stepping.substeps:
+                    raise
+                # there isn't even a beginning: steps that may leave the path are better than none
+                controls, share = replace(controls, steady=False), 1.0
             continue
         equation.commit(found.u, factors)
         stepping.move(end, found.u, found.iterations)

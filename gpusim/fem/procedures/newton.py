@@ -58,7 +58,8 @@ class Steps(Enum):
 class Controls:
     """``tolerance`` of the displacements in equilibrium, relative; ``forcing``: that of each linear
     solution; which ``steps`` are tried first; ``stable``: an equilibrium whose tangent is
-    symmetric, but indefinite, is none; ``progress`` is called with (iterations, estimated
+    symmetric, but indefinite, is none; ``steady``: nor is one on whose way a tangent was, which may
+    be another than the load path leads to; ``progress`` is called with (iterations, estimated
     error)."""
 
     tolerance: float
@@ -66,6 +67,7 @@ class Controls:
     steps: Steps
     stable: bool
     progress: Callable[[int, float], None] | None = None
+    steady: bool = False
 
 
 def equilibrium(
@@ -101,6 +103,8 @@ def _iterated(
     while True:
         given = equation.missing(tangent.u, factors)
         found = solver.correction(tangent, tangent.residual[None], given[None], controls.forcing)
+        if controls.steady and not found.definite:
+            raise NotConverged(f"iteration {len(done) + 1}: got a state that isn't stable")
         du = found.du[0]
         equation.advance(tangent.u, du, controls.steps is Steps.FORETOLD)
         u = tangent.u + du

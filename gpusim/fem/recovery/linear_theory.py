@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from gpusim.arrays.array_types import Float
+from gpusim.fem.elements.polar_rotation import polar_rotation
 from gpusim.mesh import CELL_TYPES, Mesh
 from gpusim.mesh.shape_functions import reference_nodes, shape_gradients
 
@@ -16,6 +17,15 @@ def cell_rotations(mesh: Mesh, u: Float) -> Float:
     gradient, _ = _middle_gradients(mesh, u)
     skew = 0.5 * (gradient - gradient.transpose(0, 2, 1))
     return np.asarray(skew[:, [2, 0, 1], [1, 2, 0]])
+
+
+def turns_over(mesh: Mesh, before: Float, after: Float) -> bool:
+    """Whether the middle of a cell turns by more than 120 degrees between displacements ``before``
+    and ``after`` (N, 3); one that is pushed through itself along two axes turns by 180."""
+    one, other = (np.eye(3) + _middle_gradients(mesh, u)[0] for u in (before, after))
+    slope = other @ np.linalg.inv(one) - np.eye(3)
+    # the trace of a rotation is 1 + 2 cos
+    return bool((np.trace(polar_rotation(slope.transpose(1, 2, 0))) < -3.0).any())
 
 
 def stretching(mesh: Mesh, u: Float) -> float:

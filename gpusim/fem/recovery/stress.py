@@ -25,8 +25,6 @@ from gpusim.parallel.threads import shared
 from gpusim.validation import finite_numbers, require, unmasked
 
 _CHUNK = 4096
-# up to here a table over all keys is faster than sorting them
-_MOST_KEYS = 1 << 27
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,7 +250,7 @@ class Recovery:
         }
         self.cell = np.zeros((cells, 6))
         self.volume, self.energy = np.zeros(cells), np.zeros(cells)
-        keys = _number(list(self.pairs.values()), model.mesh.node_count * len(self.moduli))
+        keys = _number(list(self.pairs.values()))
         self.node_of, self.material_of = np.divmod(keys, len(self.moduli))
 
     def run(self) -> Stress:
@@ -355,16 +353,8 @@ class Recovery:
         return np.asarray(np.sqrt(np.maximum(self._energy(part, smooth - values, weight), 0.0)))
 
 
-def _number(arrays: list[Long], limit: int) -> Long:
-    """The distinct keys below ``limit``, ascending; each array gets its keys' places among them."""
-    if limit <= _MOST_KEYS:
-        present = np.zeros(limit, dtype=bool)
-        for array in arrays:
-            present[array] = True
-        place = np.cumsum(present) - 1
-        for array in arrays:
-            array[:] = place[array]
-        return np.flatnonzero(present)
+def _number(arrays: list[Long]) -> Long:
+    """The distinct keys, ascending; each array gets its keys' places among them."""
     keys = distinct(np.concatenate([array.ravel() for array in arrays]))
     for array in arrays:
         array[:] = np.searchsorted(keys, array)

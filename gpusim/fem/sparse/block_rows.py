@@ -170,13 +170,9 @@ def invert_repeated(blocks: Float, kind: Int, free: Bool) -> Float:
     key = kind.astype(np.int64) << size
     for column in range(size):
         key |= free[:, column].astype(np.int64) << column
-    used = np.flatnonzero(np.bincount(key, minlength=len(blocks) << size))
-    number = np.zeros(len(blocks) << size, dtype=np.int64)
-    number[used] = np.arange(len(used))
+    used, number = np.unique(key, return_inverse=True)
     free_unknowns = (used[:, None] >> np.arange(size) & 1).astype(bool)
-    return np.asarray(
-        np.take(invert_blocks(blocks[used >> size], free_unknowns), number[key], axis=0)
-    )
+    return np.asarray(invert_blocks(blocks[used >> size], free_unknowns)[number])
 
 
 def _regular(blocks: Float) -> Float:

@@ -20,15 +20,6 @@ from gpusim.scene.amplitudes import LoadGroup
 from gpusim.scene.description import model as m
 from gpusim.validation import require
 
-
-@dataclass(frozen=True, eq=False)
-class _Supports:
-    """Of each degree of freedom (N,3): the support that holds it (-1: none), and where."""
-
-    support: Int
-    displacement: Float
-
-
 _FLOWING: dict[str, tuple[str, ...]] = {
     "hex8": ("incompatible", "bbar"), "hex20": ("reduced",), "tet10": ("bbar",), "tet4": (),
     "wedge6": (),
@@ -93,7 +84,7 @@ def build_model(parts: MeshedBody, groups: Sequence[LoadGroup]) -> BodyModel:
         why = "its displacements are given, there is nothing to solve"
         raise InputError(f"body {body.name!r}: {why}; expected a body with a material")
     # supports that move alike have one group and one share of it
-    held = _supports(parts, {k: (n, share) for n, one in enumerate(groups)
+    support, place = _supports(parts, {k: (n, share) for n, one in enumerate(groups)
                              for k, share in one.supports})  # fmt: skip
     materials, of_cell = _materials(parts)
     prescribed = np.zeros((len(groups), grid.node_count, 3))
@@ -115,14 +106,14 @@ def build_model(parts: MeshedBody, groups: Sequence[LoadGroup]) -> BodyModel:
             else:
                 dead[case] += nodal
         for index, factor in group.supports:
-            mine = held.support == index
-            prescribed[case][mine] = factor * held.displacement[mine]
+            mine = support == index
+            prescribed[case][mine] = factor * place[mine]
     cases = 0 if len(groups) == 1 else slice(None)
     model = fem.Model(
         grid,
         materials=materials,
         material_of_cell=of_cell,
-        fixed=held.support >= 0,
+        fixed=support >= 0,
         prescribed=prescribed[cases],
         forces=forces[cases],
         constraints=[_tie(parts, tie) for tie in body.ties],
@@ -132,7 +123,7 @@ def build_model(parts: MeshedBody, groups: Sequence[LoadGroup]) -> BodyModel:
     displaced, warm = model, change if change.any() else None
     if following or warm is not None:
         displaced = replace(model, forces=dead[cases], loads=following, temperature=warm)
-    return BodyModel(model, displaced, held.support)
+    return BodyModel(model, displaced, support)
 
 
 def linear_at_rest(model: fem.Model) -> fem.Model:
@@ -154,8 +145,9 @@ def temperature(body: m.Body, frame: int) -> float:
     )
 
 
-def _supports(parts: MeshedBody, moves: Mapping[int, tuple[int, float]]) -> _Supports:
-    """``moves``: equal for supports that move alike."""
+def _supports(parts: MeshedBody, moves: Mapping[int, tuple[int, float]]) -> tuple[Int, Float]:
+    """Of each degree of freedom (N,3) the support that holds it (-1: none), and where; ``moves``:
+    equal for supports that move alike."""
     body, grid = parts.body, parts.mesh
     owner = np.full((grid.node_count, 3), -1, np.int32)
     place = np.zeros((grid.node_count, 3))
@@ -187,7 +179,7 @@ def _supports(parts: MeshedBody, moves: Mapping[int, tuple[int, float]]) -> _Sup
         free = chosen & (owner < 0)
         owner[free] = number
         place[free] = wanted[free]
-    return _Supports(owner, place)
+    return owner, place
 
 
 def _tie(parts: MeshedBody, tie: m.TieTable) -> fem.Equations:

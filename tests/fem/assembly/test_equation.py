@@ -118,6 +118,30 @@ def test_a_pressure_with_free_edges_has_a_skew_part(name: str) -> None:
         assert closed.skew_stiffness(np.zeros_like(u), factors) is None
 
 
+def test_the_skew_part_is_that_of_what_constraints_leave() -> None:
+    mesh = MESHES["hex8"]()
+    end = np.flatnonzero(mesh.points[:, 0] == mesh.points[:, 0].max())
+    # one node follows two others across, by halves
+    rows = [
+        ([(end[0], axis, 1.0), (end[1], axis, -0.5), (end[2], axis, -0.5)], 0.0) for axis in "yz"
+    ]
+    pressed = gs.fem.FollowerPressure(gs.mesh.select_faces(mesh, normal="+x"), 5.0)
+    model = clamped(mesh, RUBBER, loads=pressed, constraints=[gs.fem.equations(mesh, rows)])
+    of = equation(model, {"hex8": "bbar"})
+    assert of.elimination is not None
+    u, factors = of.elimination.displacements(motion(mesh)[None])[0], np.array([0.8])
+    step = np.where(of.unknown, np.random.default_rng(6).normal(size=u.shape), 0.0)
+    whole = of.elimination.displacements(step[None])[0]
+    tangent = of.linearised(u, factors)
+    assert tangent.skew is not None
+    symmetric = (block_matrix(tangent.assembled.rows) @ whole.ravel()).reshape(-1, 3)
+    found = -of.unbalanced(symmetric) - (tangent.skew @ step.ravel()).reshape(-1, 3)
+    derivative = of.unbalanced(change_of_the_residual(of, u, factors, whole))
+    assert np.abs(found - derivative).max() <= 1e-7 * np.abs(derivative).max()
+    plain = equation(replace(model, constraints=()), {"hex8": "bbar"}).skew_stiffness(u, factors)
+    assert abs(tangent.skew - plain).max() > 1e-2 * abs(plain).max()
+
+
 def test_at_rest_the_tangent_is_the_stiffness_of_linear_statics() -> None:
     mesh = linear_mesh("hex8", (3, 2, 2), 0.05)
     number = np.arange(mesh.cell_count, dtype=np.int32) % 2

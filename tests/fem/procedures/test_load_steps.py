@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gpusim.errors import NotConverged
-from gpusim.fem import Isotropic, Model, Solution, solve
+from gpusim.fem import Isotropic, Model, NeoHookean, Solution, solve
 from gpusim.fem.procedures import load_steps
 from gpusim.fem.procedures.newton import Controls, Equilibrium
 from gpusim.mesh import box
@@ -91,3 +91,24 @@ def test_reactions_balance_loads_in_every_step() -> None:
     for step in found.steps:
         total = step.reactions.sum(axis=0) + step.factors[0] * found.model.forces.sum(axis=0)
         assert np.abs(total).max() <= 1e-6 * 12.0
+
+
+def test_a_great_step_stays_on_the_branch_of_its_load_path() -> None:
+    """In one step to 1.5 times Euler's load Newton's method once came to the other branch."""
+    case = pressed_column((40, 1, 1), 1.5 * (np.pi / 2.0) ** 2, 1e-3)
+    found = nonlinear(case.model, 1.0)
+    assert found.converged and not found.warnings
+    assert np.abs(case.errors(found)).max() <= 3e-3
+
+
+@pytest.mark.parametrize("nu", [0.45, 0.4999])
+def test_no_cell_is_pushed_through_itself(nu: float) -> None:
+    """Pulled to four times its length in one step a rubber block once came out as its mirror image:
+    Newton's first step leads beyond its planes of symmetry, where there is an equilibrium, too."""
+    mesh = box((2.0, 1.0, 1.0), (2, 2, 2))
+    fixed = mesh.points == 0.0
+    fixed[:, 0] |= mesh.points[:, 0] == 2.0
+    pull = np.where((mesh.points[:, :1] == 2.0) & (np.arange(3) == 0), 6.0, 0.0)
+    found = nonlinear(Model(mesh, NeoHookean(1.0, nu), fixed, prescribed=pull), 1.0)
+    across = 1.0 + found.u[mesh.points[:, 1] == 1.0, 1]
+    assert np.abs(across - 4.0**-nu).max() <= 0.03  # one half where nothing changes its volume

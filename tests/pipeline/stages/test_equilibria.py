@@ -306,3 +306,21 @@ def test_a_body_that_is_stretched_as_it_bends_is_found(tmp_path: Path) -> None:
         assert name.startswith("nonlinear" if number else "linear")
         moved.append(float(np.abs(displacement(tmp_path / str(number), 1)).max()))
     assert 0.95 <= moved[1] / (10.0 * moved[0]) <= 0.975
+
+
+def test_a_column_beyond_eulers_load_is_told_of_and_one_with_a_push_buckles(tmp_path: Path) -> None:
+    strip = {**STEEL, "poissons_ratio": 0.0}
+    mesh = {"builder": "box", "size_mm": [240.0, 4.0, 2.0], "divisions": [30, 1, 1]}
+    euler = (0.5 * np.pi) ** 2 * 200e9 * 0.004 * 0.002**3 / 12.0 / 0.24**2
+    straight = {**DOWN, "force_N": [-1.5 * euler, 0.0, 0.0]}
+    pushed = {**DOWN, "force_N": [-1.5 * euler, 0.0, 1.5e-3 * euler]}
+    made = scene(material=strip, mesh=mesh, load=[straight], analysis={"geometry": "nonlinear"})
+    report = gs.run(made, tmp_path / "straight", backend="numpy")
+    assert "isn't stable" in " ".join(report.warnings)
+    made = scene(material=strip, mesh=mesh, load=[pushed])
+    report = gs.run(made, tmp_path / "pushed", backend="numpy")
+    assert list(statics(report)) == ["nonlinear statics, bar"]
+    assert "isn't stable" not in " ".join(report.warnings)
+    # elastica: z / L = 2 k / K with K(k) = pi / 2 sqrt(1.5); corners of the end turn beside it
+    end = displacement(tmp_path / "pushed", 1)[:, 2].max()
+    assert end == pytest.approx(0.7886 * 0.24, rel=0.01)
