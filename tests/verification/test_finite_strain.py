@@ -46,7 +46,9 @@ LAWS = [
 # of the deformation gradient, one after the other
 FIRST = np.array([[0.08, 0.1, -0.03], [0.02, -0.06, 0.04], [0.0, 0.07, 0.05]])
 SECOND = FIRST + np.array([[-0.04, 0.05, 0.06], [0.0, 0.06, -0.03], [0.04, 0.0, -0.02]])
-TURNS = [Rotation.from_rotvec(one).as_matrix() for one in ([0.9, -0.6, 0.4], [-0.5, 2.0, 0.8])]
+# from rest, from one to the next, and back: by more than a right angle, and by less than the 120
+# degrees from which on a step is cut back
+TURNS = [Rotation.from_rotvec(one).as_matrix() for one in ([1.4, -0.9, 0.5], [0.3, -1.5, -1.0])]
 
 
 def even_states(
