@@ -54,7 +54,7 @@ class LinearError:
         """In a few words, whatever it is."""
         turn = f"turns by up to {np.degrees(self.turn):.2g} degrees in frame {self.frame}: "
         if not self.turn > SMALL_TURN and self.off < 0.001:
-            return f"{turn}displacements are less than 0.1 % off"
+            return f"{turn}displacements are less than 0.1 % off unless it buckles"
         return f"{turn}{self._off} of {1e3 * self.moved:.4g} mm"
 
     @property
