@@ -170,6 +170,29 @@ def sheared_metal(shear: float, steps: int) -> Question:
     return Question(model, factors, values, expected, "100 steps")
 
 
+def pressed_metal(kind: str) -> Question:
+    """A cube of metal pressed by 4 % between rough plates, 4 cells of ``kind`` on an edge: the
+    force, against 3 hex20 of reduced integration."""
+
+    def force(kind: str, cells: int, **options: str) -> Question:
+        mesh = block(kind, (cells, cells, cells), 1.0)
+        top = mesh.points[:, 0] > 1.0 - 1e-9
+        fixed = np.repeat((top | (mesh.points[:, 0] < 1e-9))[:, None], 3, axis=1)
+        down = np.where(top[:, None] & (np.arange(3) == 0), -1.0, 0.0)
+        model = Model(mesh, metal(200.0), fixed, prescribed=down)
+
+        def values(step: LoadStep) -> Float:
+            return np.array([step.reactions[top, 0].sum()])
+
+        return Question(model, [0.01, 0.02, 0.03, 0.04], values, np.zeros((4, 1)),
+                        "hex20, reduced", options=options)  # fmt: skip
+
+    other = force("hex20", 3, formulation="reduced")
+    steps = solve(other.model, geometry="nonlinear", factors=other.factors, **other.options).steps
+    expected = np.array([other.values(step) for step in steps if step.wanted])
+    return replace(force(kind, 4), expected=expected)
+
+
 def layered(laws: Sequence[Law], strain: float) -> Question:
     """Two laws one behind the other in a bar: where their joint goes, and the force."""
     mesh = block("hex8", (4, 2, 2))

@@ -77,7 +77,7 @@ def test_dangling_nodes_are_a_warning_and_under_load_an_error() -> None:
 
 
 def test_no_material_and_no_such_material() -> None:
-    with pytest.raises(InputError, match="materials: got none"):
+    with pytest.raises(InputError, match="materials; got none"):
         Model(BLOCK, [])
     numbers = np.zeros(BLOCK.cell_count, dtype=np.int32)
     numbers[5] = 2

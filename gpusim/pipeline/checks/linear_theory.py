@@ -30,7 +30,8 @@ class LinearMotion:
     @property
     def fact(self) -> str:
         """In a few words."""
-        return f"turns by up to {np.degrees(self.turn):.3g} degrees in frame {self.frame}"
+        turn = f"turns by up to {np.degrees(self.turn):.3g} degrees in frame {self.frame}"
+        return f"{turn} (buckling isn't looked for)"
 
     def _question(self, limit: float) -> str:
         """Where displacements are larger than this share of the body, else ""."""
