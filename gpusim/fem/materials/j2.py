@@ -19,6 +19,16 @@ from gpusim.validation import is_number, require, unmasked
 
 # of the yield stress: a state within it has flowed to where it is, and goes on flowing
 _ON_SURFACE = 1e-10
+# formulations of cells that can flow at constant volume, of cell types of which not all can
+_FIT: dict[str, tuple[str, ...]] = {
+    "hex8": ("incompatible", "bbar"), "hex20": ("reduced",), "tet10": ("bbar",), "tet4": (),
+    "wedge6": (),
+}  # fmt: skip
+
+
+def fit_for_flow(kind: str, formulation: str) -> bool:
+    """Whether cells can flow at constant volume; others are far too stiff where metal yields."""
+    return formulation in _FIT.get(kind, (formulation,))
 
 
 @unmasked()

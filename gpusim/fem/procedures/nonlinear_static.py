@@ -14,8 +14,10 @@ from gpusim.fem.assembly.element_responses import element_responses
 from gpusim.fem.assembly.equation import Equation, external_forces
 from gpusim.fem.assembly.stiffness_rounding import extremes
 from gpusim.fem.elements.corotational import Corotational
+from gpusim.fem.elements.element_response import ElementResponse
 from gpusim.fem.linear.solve_plan import Options
 from gpusim.fem.linear.tangent_solver import TangentSolver
+from gpusim.fem.materials.j2 import J2, fit_for_flow
 from gpusim.fem.materials.law import Law
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.solution import LoadStep, Solution, load_path_results
@@ -81,6 +83,7 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
             *_strain_warning(equation, last.u),
             *_upside_down_warning(model, last.u),
             *_flow_warning(steps),
+            *_locking_warning(responses),
             *_stability_warnings(equation, steps),
         ),
         timings=options.clock.timings,
@@ -129,6 +132,17 @@ def _flow_warning(steps: Sequence[LoadStep]) -> tuple[str, ...]:
         f"plastic strain grows by up to {most:.2g} in one step: where its direction turns, stress "
         f"may be {0.4 * most**2:.1%} off (load steps in between make it less)",
     )
+
+
+def _locking_warning(responses: Sequence[ElementResponse]) -> list[str]:
+    """Metal in cells that can't flow at constant volume."""
+    blocks = [one.block for one in responses if isinstance(one.block.law, J2)]
+    return [
+        f"{len(block.cells)} {block.name} ({block.formulation!r}) can't flow at constant volume: "
+        "where metal yields they are far too stiff"
+        for block in blocks
+        if not fit_for_flow(block.name, block.formulation)
+    ]
 
 
 def _strain_warning(equation: Equation, u: Float) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from gpusim import fem
 from gpusim.arrays.array_types import Float, Int
 from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS
+from gpusim.fem.materials.j2 import fit_for_flow
 from gpusim.fem.materials.linear_elasticity import LinearMaterial
 from gpusim.fem.model.supports import check_supports
 from gpusim.pipeline.scene_objects.meshing import cells_of, faces_of, naming_place, nodes_of
@@ -20,10 +21,6 @@ from gpusim.scene.amplitudes import LoadGroup
 from gpusim.scene.description import model as m
 from gpusim.validation import require
 
-_FLOWING: dict[str, tuple[str, ...]] = {
-    "hex8": ("incompatible", "bbar"), "hex20": ("reduced",), "tet10": ("bbar",), "tet4": (),
-    "wedge6": (),
-}  # fmt: skip
 _LAWS: dict[str, Callable[..., fem.Material]] = {
     "isotropic": fem.Isotropic,
     "saint-venant-kirchhoff": fem.SaintVenantKirchhoff,
@@ -212,7 +209,7 @@ def _check_flow(parts: MeshedBody, materials: Sequence[fem.Material], of_cell: I
         known = ELEMENTS[kind].formulations
         asked = parts.body.formulation
         rule = asked if asked in known else known[0]
-        if kind in _FLOWING and rule not in _FLOWING[kind]:
+        if not fit_for_flow(kind, rule):
             count = int(flows[first : first + len(block)].sum())
             require(count == 0, m.NO_FLOW, f"{count} of {kind} ({rule!r})", m.FLOWING)
 

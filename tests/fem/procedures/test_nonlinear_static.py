@@ -10,6 +10,7 @@ import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
+import gpusim as gs
 from gpusim.errors import InputError, NotConverged
 from gpusim.fem import (
     FollowerPressure,
@@ -307,3 +308,12 @@ def test_factors_of_load_cases_are_asked_for() -> None:
     for factors in (None, [1.0], [[1.0, np.nan]], [[1.0], [2.0]]):
         with pytest.raises(InputError, match=r"solve: factors.*\(K, 2\).*how load cases add up"):
             large(model, factors)
+
+
+def test_metal_in_cells_that_lock_is_warned_of() -> None:
+    steel = gs.J2(gs.Isotropic(210e3, 0.3), 250.0, 2000.0)
+    block = gs.mesh.split(gs.mesh.box((1.0, 1.0, 1.0), (1, 1, 1)), "tet4")
+    fixed = np.repeat(block.points[:, :1] == 0.0, 3, axis=1)
+    model = gs.Model(block, steel, fixed, np.where(fixed, 0.0, 1.0))
+    (told,) = gs.solve(model, geometry="nonlinear").warnings
+    assert told.startswith("6 tet4 ('full') can't flow at constant volume")
