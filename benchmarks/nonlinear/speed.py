@@ -73,7 +73,7 @@ class Case:
 CASES = (
     Case("cantilever", bent_cantilever, (1.0,), _bend, ((300, 9, 2), (500, 21, 2))),
     Case("plate that yields", waisted_plate, (0.25, 0.5, 0.75, 1.0), _stretch,
-         ((150, 36, 1), (270, 60, 1))),
+         ((120, 30, 2), (170, 63, 2))),
 )  # fmt: skip
 
 

@@ -58,14 +58,17 @@ def test_the_coil_is_the_arc_that_timoshenko_says(checkout: Path, tmp_path: Path
 def test_the_plate_yields(checkout: Path, tmp_path: Path) -> None:
     """Over the notched section's area the mean stress reaches what slip lines allow: the yield
     stress times at most 1.15 in a thin plate, and what has hardened."""
-    steps = {"analysis.load_factors": [0.0, 0.125, 0.5], "body.plate.mesh.divisions": [32, 10, 1]}
+    steps = {
+        "analysis.load_factors": [0.0, 0.125, 0.3, 0.5],
+        "body.plate.mesh.divisions": [32, 10, 1],
+    }
     scene = gs.load_scene(checkout / "examples" / "tensile.toml", SMALL | steps)
     report = gs.run(scene, tmp_path, backend="numpy")
     assert report.mechanics is not None and report.warnings == ()
     held = {one.name: one.force[0] for one in report.mechanics.reactions}
     assert held["crosshead"] == pytest.approx(-held["grip"], rel=1e-6)
     assert 250.0 < held["crosshead"] / (18.0 * 3.0) < 1.15 * 335.0
-    plastic = fields(tmp_path, 2, "plate").point_data["plastic_strain"]
+    plastic = fields(tmp_path, 3, "plate").point_data["plastic_strain"]
     assert plastic.max() > 0.02 and plastic.min() >= 0.0
 
 

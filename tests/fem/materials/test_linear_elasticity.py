@@ -47,7 +47,7 @@ def test_a_users_own_material_is_checked() -> None:
     with pytest.raises(InputError, match="aren't finite"):
         Model(mesh, [Custom(matrix * np.nan)])
     with pytest.raises(
-        InputError, match=r"materials\[0\]: got str; expected Isotropic, Orthotropic or another law"
+        InputError, match=r"materials\[0\]; got str; expected Isotropic, Orthotropic or another law"
     ):
         Model(mesh, ["steel"])  # type: ignore[list-item]
 

@@ -129,7 +129,7 @@ def test_a_model_takes_one_material() -> None:
     steel = gs.Isotropic(210e9, 0.3)
     assert gs.Model(mesh, steel).materials == (steel,)  # type: ignore[arg-type]
     for wrong, said in ((gs.Isotropic, "got the class Isotropic"), ([], "got none"), (3, "got int"),
-                        ([gs.Isotropic], r"materials\[0\]: got the class Isotropic")):  # fmt: skip
+                        ([gs.Isotropic], r"materials\[0\]; got the class Isotropic")):  # fmt: skip
         with pytest.raises(InputError, match=said):
             gs.Model(mesh, wrong)  # type: ignore[arg-type]
 
