@@ -22,7 +22,7 @@ from gpusim.fem.procedures.newton import Controls, error_left, relative_residual
 
 # iterations of a step, and how many the length of the next one is chosen for
 _MOST, _WANTED = 15, 5
-_MOST_STEPS, _MOST_CUTS = 400, 12
+_MOST_STEPS, _MOST_CUTS = 150, 12
 # the length of a step changes by this factor at most
 _CHANGE = 2.0
 

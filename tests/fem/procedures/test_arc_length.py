@@ -51,7 +51,7 @@ def followed(case: NonlinearCase, method: str, length: float, most: float) -> li
     return points
 
 
-@pytest.mark.parametrize("method", ["direct", "multigrid"])
+@pytest.mark.parametrize("method", ["direct", pytest.param("multigrid", marks=pytest.mark.slow)])
 def test_both_branches_of_an_arch(method: str) -> None:
     case = arch(60, 40.0)
     points = followed(case, method, 5.0, 8.5)
