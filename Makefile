@@ -20,7 +20,7 @@ demo:
 
 test: setup
 	scripts/test.sh
-	HOSTILE_SHARE=0.04 SEED=34 scripts/test.sh -m hostile --dist load tests/hostile
+	HOSTILE_SHARE=0.03 SEED=34 scripts/test.sh -m hostile --dist load tests/hostile
 
 quick: setup
 	scripts/test.sh --without-device --ignore tests/mesh/formats/test_cad.py $(QUICK)
