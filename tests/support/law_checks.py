@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from gpusim.arrays.array_types import Float
@@ -102,3 +104,22 @@ def check_law(law: Law, strain: Float) -> None:
     if whole.state is not None and again.state is not None:
         assert again.state.shape == (count // 2, 2, size)
         np.testing.assert_array_equal(again.state.reshape(count, size), whole.state)
+
+
+def check_potential(
+    law: Law, energy: Callable[[Float, Float], Float], strain: Float, atol: float
+) -> None:
+    """The stress is the slope of an ``energy`` of trace and determinant of C = 1 + 2 E, by
+    differences of fourth order."""
+
+    def of_strain(strain: Float) -> Float:
+        xx, yy, zz, xy, yz, zx = np.moveaxis(strain, -1, 0)
+        C = 2.0 * np.array([[xx, xy / 2, zx / 2], [xy / 2, yy, yz / 2], [zx / 2, yz / 2, zz]])
+        C = np.moveaxis(C, (0, 1), (-2, -1)) + np.eye(3)
+        return energy(np.trace(C, axis1=-2, axis2=-1), np.linalg.det(C))
+
+    moved = 1e-3 * np.eye(6)[:, None]
+    slope = 8.0 * (of_strain(strain + moved) - of_strain(strain - moved))
+    slope += of_strain(strain - 2.0 * moved) - of_strain(strain + 2.0 * moved)
+    stress = law.update(strain, None, moduli=False).stress
+    np.testing.assert_allclose(stress, slope.T / 12e-3, rtol=0, atol=atol)

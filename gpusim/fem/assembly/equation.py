@@ -120,6 +120,11 @@ class Equation:
         return np.where(self.unknown, 0.0, self.prescribed(factors) - reached)
 
     @property
+    def has_history(self) -> bool:
+        """Whether points of some elements remember what they have been through."""
+        return any(one.block.law.state_size for one in self.responses)
+
+    @property
     def unknown(self) -> Bool:
         """(N,3) what is solved for."""
         return self.free if self.elimination is None else self.elimination.unknowns(self.free)
@@ -220,7 +225,7 @@ class Equation:
 
     def commit(self, u: Float, factors: Float) -> None:
         """A step has ended at ``u``: what its points have been through is their history."""
-        if any(one.block.law.state_size for one in self.responses):
+        if self.has_history:
             self.internal(u, factors)
         for one in self.responses:
             one.commit(u)

@@ -18,7 +18,6 @@ from gpusim.fem.elements.element_response import ElementResponse
 from gpusim.fem.linear.solve_plan import Options
 from gpusim.fem.linear.tangent_solver import TangentSolver
 from gpusim.fem.materials.j2 import J2, fit_for_flow
-from gpusim.fem.materials.law import Law
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.solution import LoadStep, Solution, load_path_results
 from gpusim.fem.procedures.load_steps import load_steps
@@ -53,9 +52,8 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
     equation = Equation(model, responses)
     options.clock.mark("elements")
     solver = TangentSolver(equation, options)
-    history = any(isinstance(law, Law) and law.state_size for law in model.materials)
-    forcing = _PLASTIC_FORCING if history else _FORCING
-    first = Steps.SEARCHED if history else Steps.FORETOLD
+    forcing = _PLASTIC_FORCING if equation.has_history else _FORCING
+    first = Steps.SEARCHED if equation.has_history else Steps.FORETOLD
     controls = Controls(options.tolerance, forcing, first, True, options.progress)
     steps: list[LoadStep] = []
     message = "converged"
