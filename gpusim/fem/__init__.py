@@ -32,6 +32,7 @@ from gpusim.fem.materials.neo_hookean import NeoHookean
 from gpusim.fem.materials.orthotropic import Orthotropic
 from gpusim.fem.materials.saint_venant_kirchhoff import SaintVenantKirchhoff
 from gpusim.fem.model.constraints import Equations, equations, tie
+from gpusim.fem.model.damping import ModalDamping, Rayleigh, StructuralDamping
 from gpusim.fem.model.follower_loads import FollowerPressure
 from gpusim.fem.model.loads import (
     body_force,
@@ -61,12 +62,15 @@ __all__ = [
     "Law",
     "LoadStep",
     "Material",
+    "ModalDamping",
     "Model",
     "NeoHookean",
     "Orthotropic",
+    "Rayleigh",
     "SaintVenantKirchhoff",
     "Solution",
     "Stress",
+    "StructuralDamping",
     "Update",
     "Voce",
     "body_force",

@@ -11,9 +11,10 @@ In the order in which data passes:
 - `system`: The scaled system of a model, whatever solves it.
 - `reduced_system`: The system of a model with constraints, by congruence: with u = T v (see
   ``Elimination``)
-- `shifted_system`: The system of K + s M + D: stiffness, a share of the mass, and blocks on the
-  diagonal.
 - `element_responses`: The elements of a model at large displacements, by law, cell type and
   formulation.
 - `equation`: The equation of equilibrium at large displacements: residual forces and their tangent.
+- `shifted_system`: The system of K + s M: stiffness and a share of the mass.
+- `equation_of_motion`: The linear equation of motion, M a + K u = f: products with mass and
+  stiffness.
 """

@@ -257,7 +257,8 @@ def lattice_group(model: Model, lattice: Lattice, formulation: Mapping[str, str]
     """The hex8 elements of a lattice, nodes in lattice order: compared by spacings alone."""
     assert model.material_of_cell is not None
     at, nodes = lattice.corner_nodes()
-    material = model.material_of_cell[lattice.cell.ravel()[at]]
+    cell = lattice.cell.ravel()[at].astype(np.int64)
+    material = model.material_of_cell[cell]
     number = np.zeros(lattice.cell.shape, dtype=np.int64)
     for axis in range(3):
         spacing = _distinct(np.diff(lattice.planes[axis]))
@@ -271,7 +272,7 @@ def lattice_group(model: Model, lattice: Lattice, formulation: Mapping[str, str]
         _elasticity(model)[material[representative]],
         formulation["hex8"],
     )
-    return Group("hex8", nodes, kind, matrices)
+    return Group("hex8", nodes, kind, matrices, numbers=cell)
 
 
 def only_group(groups: Sequence[Elements]) -> Group:

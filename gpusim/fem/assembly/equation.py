@@ -34,11 +34,13 @@ _ROUNDING = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class FormedElements:
-    """Elements as assembly takes them, whose matrices (m,3k,3k) ``at`` forms when asked for."""
+    """Elements as assembly takes them, whose matrices (m,3k,3k) ``at`` forms when asked for;
+    ``numbers`` (M,) of the mesh's cells, where they are its."""
 
     name: str
     cells: Int
     at: Callable[[Long], Float]
+    numbers: Long | None = None
 
     @property
     def distinct(self) -> int:
@@ -157,7 +159,9 @@ class Equation:
         residual, points = self.external(u, factors), self.model.mesh.points + u
         forces = [np.zeros((*one.cells.shape, 3)) for one in self.responses]
         elements = [
-            FormedElements(one.name, one.cells, partial(_tangents, one, u, want, into))
+            FormedElements(
+                one.name, one.cells, partial(_tangents, one, u, want, into), one.block.numbers
+            )
             for one, into in zip(self.responses, forces, strict=True)
         ]
         acting = np.zeros_like(factors) if want is Want.MATERIAL else factors

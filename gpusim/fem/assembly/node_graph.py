@@ -318,21 +318,25 @@ class Numbering:
         """(…,N,3) nodal values in the new numbers."""
         return values[..., self.order, :]
 
+    def backward(self, values: Float) -> Float:
+        """(…,N,3) nodal values in the model's own numbers."""
+        return values[..., self._place, :]
+
     def back(self, solution: Solution) -> Solution:
         """The solution in the model's own numbers."""
         steps = [
             replace(
                 step,
-                u=step.u[self._place],
-                reactions=step.reactions[self._place],
+                u=self.backward(step.u),
+                reactions=self.backward(step.reactions),
                 stress=None if step.stress is None else step.stress.renumbered(self.order),
             )
             for step in solution.steps
         ]
         return replace(
             solution,
-            u=solution.u[..., self._place, :],
-            reactions=solution.reactions[..., self._place, :],
+            u=self.backward(solution.u),
+            reactions=self.backward(solution.reactions),
             steps=tuple(steps),
         )
 

@@ -1,50 +1,62 @@
-"""The system of K + s M + D: stiffness, a share of the mass, and blocks on the diagonal.
+"""The system of K + s M: stiffness and a share of the mass.
 
-Eigenvalues near a shift, implicit time steps and elastic supports ask for it. K is still applied by
-differences, so that the rounding of a slender body's stiffness isn't felt any more than without.
+Eigenvalues near a shift and implicit time steps ask for it. K is still applied by differences, so
+that the rounding of a slender body's stiffness isn't felt any more than without. Mass goes into the
+matrices of the elements: factors of congruent sections and coarse levels are made of these.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
-from scipy.sparse import bsr_matrix, csr_matrix, identity, kron
+from scipy.sparse import csr_matrix
 
-from gpusim.arrays.array_types import Float
-from gpusim.fem.assembly.assembly import Assembled
+from gpusim.arrays.array_types import Float, Long
+from gpusim.fem.assembly.assembly import Assembled, assemble_groups, assemble_lattice
+from gpusim.fem.assembly.element_batches import DistinctGroup, Elements, Group, only_group
+from gpusim.fem.assembly.equation import FormedElements
 from gpusim.fem.assembly.system import ElementForces, System, contrast, row_sum
-from gpusim.fem.sparse.block_rows import block_diagonal, block_matrix, block_rows
+from gpusim.fem.lattice.stencil import stencil_of
+from gpusim.fem.model.mass import ElementMass
+from gpusim.fem.sparse.block_rows import BlockRows
 
 
 @dataclass(frozen=True, eq=False)
 class Shift:
-    """``factor`` times the scalar ``mass`` (N,N), the same for the three directions, and blocks
-    ``diagonal`` (N,3,3), both in the model's units."""
+    """``factor`` times the mass of the ``elements``, whose sum is the scalar ``mass`` (N,N), the
+    same for the three directions; in the model's units."""
 
+    elements: ElementMass
     mass: csr_matrix
     factor: float
-    diagonal: Float
 
     def forces(self, u: Float) -> Float:
         """(L,N,3) of displacements (L,N,3)."""
-        moved = [self.factor * (self.mass @ one) for one in u]
-        return np.asarray(np.stack(moved) + np.einsum("nij,lnj->lni", self.diagonal, u))
+        side = np.moveaxis(u, 1, 0).reshape(u.shape[1], -1)
+        moved = (self.factor * (self.mass @ side)).reshape(u.shape[1], len(u), 3)
+        return np.asarray(np.moveaxis(moved, 1, 0))
 
-    @property
-    def matrix(self) -> bsr_matrix:
-        """(3N,3N)."""
-        mass = kron(self.factor * self.mass, identity(3), format="bsr")
-        return bsr_matrix(mass.tobsr((3, 3)) + block_diagonal(self.diagonal))
+    def matrices(self, group: Elements, numbers: Long, which: Long) -> Float:
+        """(m,3k,3k) of ``which`` elements, which are the ``numbers`` (M,) of the mesh."""
+        mass = self.elements.at(group.name, group.cells[which], numbers[which])
+        return np.asarray(group.at(which) + self.factor * np.kron(mass, np.eye(3)))
 
 
 def shifted_system(assembled: Assembled, system: System, shift: Shift) -> tuple[Assembled, System]:
     """What solvers take in place of K's ``system``; loads and supports are its own."""
-    whole = bsr_matrix(block_matrix(assembled.rows) + shift.matrix)
-    whole.sort_indices()
-    rows, scale = block_rows(whole, assembled.rows.element_classes), system.scale
+    groups = [_shifted(group, shift) for group in assembled.groups]
+    lattice, scale = assembled.lattice, system.scale
+    if lattice is None:
+        rows = _with_row_sums(assemble_groups(groups, assembled.rows.node_count), shift)
+    else:
+        rows = _with_row_sums(assemble_lattice(only_group(groups), lattice), shift)
     pull = None if system.pull is None else system.pull + shift.forces(system.prescribed)
     right = np.where(system.free, system.loads - (0.0 if pull is None else pull), 0.0)
+    stencil = None
+    if lattice is not None and system.stencil is not None:
+        stencil = stencil_of(rows, lattice, scale)
     shifted = replace(
         system,
         apply=lambda u: system.apply(u) + shift.forces(u) / scale,
@@ -55,6 +67,27 @@ def shifted_system(assembled: Assembled, system: System, shift: Shift) -> tuple[
         ),
         right=right / system.load_scale[:, None, None],
         pull=pull,
-        stencil=None,
+        stencil=stencil,
     )
-    return Assembled(rows, [], None), shifted
+    return Assembled(rows, groups, lattice), shifted
+
+
+def _shifted(group: Elements, shift: Shift) -> Elements:
+    """Elements with their mass; what is none of the mesh's has none."""
+    if isinstance(group, Group):
+        assert group.numbers is not None
+        _, first = np.unique(group.matrix_of, return_index=True)
+        matrices = shift.matrices(group, group.numbers, first)
+        return Group(group.name, group.cells, group.matrix_of, matrices, numbers=group.numbers)
+    assert isinstance(group, DistinctGroup | FormedElements)
+    if group.numbers is None:
+        return group
+    at = partial(shift.matrices, group, group.numbers)
+    return FormedElements(group.name, group.cells, at, group.numbers)
+
+
+def _with_row_sums(rows: BlockRows, shift: Shift) -> BlockRows:
+    """Rows that were assembled as those of K, which add up to zero: those of M don't."""
+    _, first = np.unique(rows.row_class, return_index=True)
+    sums = shift.factor * np.asarray(shift.mass.sum(axis=1)).ravel()[first]
+    return replace(rows, diagonal=rows.diagonal + sums[:, None, None] * np.eye(3))

@@ -90,7 +90,8 @@ _MASS_POINTS = {
 }  # fmt: skip
 
 
-def _rule(kind: str, count: int) -> Rule:
+def quadrature(kind: str, count: int) -> Rule:
+    """The rule of ``count`` points of a cell type."""
     points, weight = cell_rule(kind, count)
     tables = shape_functions(kind, points), shape_gradients(kind, points)
     for table in tables:
@@ -99,13 +100,13 @@ def _rule(kind: str, count: int) -> Rule:
 
 
 def _element(kind: str) -> Element:
-    rules = {count: _rule(kind, count) for count in _RULES[kind].values()}
+    rules = {count: quadrature(kind, count) for count in _RULES[kind].values()}
     # the centroid of the reference cell: the one point of the smallest rules
     centre, _ = cell_rule(kind, 2 if CELL_TYPES[kind].linear == "wedge6" else 1)
     return Element(
         name=kind,
         rules={name: rules[count] for name, count in _RULES[kind].items()},
-        mass=_rule(kind, _MASS_POINTS[kind]),
+        mass=quadrature(kind, _MASS_POINTS[kind]),
         centre_gradient=shape_gradients(kind, centre.mean(axis=0, keepdims=True))[0],
     )
 

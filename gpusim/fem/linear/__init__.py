@@ -9,6 +9,8 @@ In the order in which data passes:
 - `pressure_solver`: Displacements and pressures together, for nearly incompressible materials.
 - `tangent_solver`: Tangents solved in Newton's method: the solver of the first one is updated for
   all others.
+- `shifted_solver`: Solvers of K + s M: factors, or one multigrid cycle, as the plan of a static
+  solve says.
 - `linear_solver`: Linear solvers: what all of them can, and a system solved by them as a plan
   says.
 """

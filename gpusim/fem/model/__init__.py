@@ -14,5 +14,7 @@ In the order in which data passes:
 - `loads`: Consistent nodal forces: each function returns (N,3) float64, to be added up freely.
 - `thermal_loads`: Forces of a temperature change, from the stress that it causes in cells held
   still.
-- `mass`: Mass matrices: consistent, and lumped on the diagonal.
+- `dead_loads`: Dead loads: what follows the body, and heat, as forces on the undeformed one.
+- `mass`: Mass matrices: consistent, by CalculiX's rules, and lumped on the diagonal.
+- `damping`: Damping: of the Rayleigh kind, mode by mode, or in the material's structure.
 """

@@ -1,26 +1,44 @@
-"""Mass matrices: consistent, and lumped on the diagonal."""
+"""Mass matrices: consistent, by CalculiX's rules, and lumped on the diagonal."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated
 
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix, kron
 
-from gpusim.arrays.array_types import Float, Int
-from gpusim.fem.elements.element import ELEMENTS
+from gpusim.arrays.array_types import Float, Int, Long
+from gpusim.fem.elements.element import ELEMENTS, Rule, quadrature
 from gpusim.fem.elements.isoparametric_map import volumes
-from gpusim.fem.model.model import Model
-from gpusim.validation import require
+from gpusim.fem.model.model import Model, resolve_formulation
+from gpusim.validation import checked, one_of, require
 
+MASS_RULES = ("exact", "calculix", "lumped")
+# points with which CalculiX integrates mass: fewer than products of shape functions ask for
+_CALCULIX = {"hex20 reduced": 8, "tet4": 1, "tet10": 4, "wedge6": 2, "wedge15": 9}
 _CHUNK = 16384
 
 
-def mass_matrix(model: Model) -> csr_matrix:
-    """(3N,3N) consistent mass matrix, row 3 n + axis for node n.
+@checked
+def mass_matrix(
+    model: Model,
+    rule: Annotated[str, one_of(*MASS_RULES)] = "exact",
+    formulation: str | Mapping[str, str] | None = None,
+) -> csr_matrix:
+    """(3N,3N) mass matrix, row 3 n + axis for node n.
 
-    Integral of density x shape function x shape function with a rule that is exact on straight
-    cells. Raises InputError if a material has no density.
+    Parameters
+    ----------
+    model : see `gpusim.Model`.
+    rule : "exact": the integral of density x shape function x shape function, with a rule that is
+        exact on straight cells (consistent); "calculix": with that program's points, which are
+        fewer in C3D20R, C3D10, C3D15, C3D4 and C3D6; "lumped": see `lumped_mass`.
+    formulation : see `gpusim.solve`; that of hex20 decides about CalculiX's points.
+
+    Raises InputError if a material has no density.
 
     Examples
     --------
@@ -28,22 +46,9 @@ def mass_matrix(model: Model) -> csr_matrix:
     >>> gs.fem.mass_matrix(gs.Model(bar, gs.Isotropic(1.0, 0.3, density=7.0))).shape
     (36, 36)
     """
-    return csr_matrix(kron(scalar_mass(model), np.eye(3), format="csr"))
-
-
-def scalar_mass(model: Model) -> csr_matrix:
-    """(N,N) consistent mass matrix, the same for the three directions. Raises InputError if a
-    material has no density."""
-    _check(model)
-    rows, columns, values = [], [], []
-    for block, matrix in _element_masses(model):
-        width = block.shape[1]
-        rows.append(np.repeat(block, width, axis=1).ravel())
-        columns.append(np.tile(block, (1, width)).ravel())
-        values.append(matrix.ravel())
-    count = model.mesh.node_count
-    entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-    return csr_matrix(coo_matrix(entries, shape=(count, count)))
+    check_densities(model)
+    elements = ElementMass(model, resolve_formulation(model, formulation), rule)
+    return csr_matrix(kron(scalar_mass(elements), np.eye(3), format="csr"))
 
 
 def lumped_mass(model: Model) -> Float:
@@ -59,33 +64,64 @@ def lumped_mass(model: Model) -> Float:
     >>> print(f"{gs.fem.lumped_mass(gs.Model(bar, gs.Isotropic(1.0, 0.3, density=7.0))).sum():.6f}")
     14.000000
     """
-    _check(model)
-    result = np.zeros(model.mesh.node_count)
-    for block, matrix in _element_masses(model):
-        diagonal = np.diagonal(matrix, axis1=1, axis2=2)
-        share = diagonal * (matrix.sum(axis=(1, 2)) / diagonal.sum(axis=1))[:, None]
-        result += np.bincount(block.ravel(), share.ravel(), minlength=len(result))
-    return result
+    check_densities(model)
+    elements = ElementMass(model, resolve_formulation(model, None), "lumped")
+    return np.asarray(scalar_mass(elements).diagonal())
 
 
-def _check(model: Model) -> None:
+@dataclass(frozen=True, eq=False)
+class ElementMass:
+    """Mass matrices of a ``model``'s elements, the same for the three directions, by one of
+    `MASS_RULES`; ``formulation`` per cell type."""
+
+    model: Model
+    formulation: Mapping[str, str]
+    rule: str
+
+    def at(self, name: str, cells: Int, numbers: Long) -> Float:
+        """(m,k,k) of cells with nodes ``cells`` (m,k), the ``numbers`` (m,) of the mesh."""
+        rule = _rule(name, self.formulation[name], self.rule)
+        squares = np.einsum("qa,qb->qab", rule.shape, rule.shape).reshape(len(rule.weight), -1)
+        weights = volumes(self.model.mesh.points[cells], rule)
+        mass = weights * self.model.densities[numbers][:, None]
+        matrices = (mass @ squares).reshape(*cells.shape, -1)
+        if self.rule != "lumped":
+            return np.asarray(matrices)
+        diagonal = np.diagonal(matrices, axis1=1, axis2=2)
+        share = matrices.sum(axis=(1, 2)) / diagonal.sum(axis=1)
+        return np.asarray((diagonal * share[:, None])[..., None] * np.eye(cells.shape[1]))
+
+
+def scalar_mass(elements: ElementMass) -> csr_matrix:
+    """(N,N), the same for the three directions."""
+    rows, columns, values = [], [], []
+    for name, first, block in elements.model.mesh.blocks():
+        width = block.shape[1]
+        for start in range(0, len(block), _CHUNK):
+            cells = block[start : start + _CHUNK]
+            numbers = np.arange(first + start, first + start + len(cells))
+            rows.append(np.repeat(cells, width, axis=1).ravel())
+            columns.append(np.tile(cells, (1, width)).ravel())
+            values.append(elements.at(name, cells, numbers).ravel())
+    entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+    mass = csr_matrix(coo_matrix(entries, shape=(elements.model.mesh.node_count,) * 2))
+    if elements.rule == "lumped":
+        mass.eliminate_zeros()
+    return mass
+
+
+@cache
+def _rule(name: str, formulation: str, rule: str) -> Rule:
+    if rule != "calculix":
+        return ELEMENTS[name].mass
+    points = _CALCULIX.get(name) or _CALCULIX.get(f"{name} {formulation}")
+    return ELEMENTS[name].mass if points is None else quadrature(name, points)
+
+
+def check_densities(model: Model) -> None:
     require(isinstance(model, Model), "mass: model", type(model).__name__, "a Model")
     density = model.densities
     assert model.material_of_cell is not None
     number = int(model.material_of_cell[int(np.argmin(density))])
     what, got = f"mass: materials[{number}] has no density", repr(model.materials[number])
     require((density > 0.0).all(), what, got, "density > 0")
-
-
-def _element_masses(model: Model) -> Iterator[tuple[Int, Float]]:
-    """Nodes (M,k) and scalar mass matrices (M,k,k) of some cells at a time."""
-    density = model.densities
-    for kind, first, block in model.mesh.blocks():
-        rule = ELEMENTS[kind].mass
-        squares = np.einsum("qa,qb->qab", rule.shape, rule.shape)
-        table = squares.reshape(len(rule.weight), -1)
-        for start in range(0, len(block), _CHUNK):
-            cells = block[start : start + _CHUNK]
-            densities = density[first + start : first + start + len(cells)]
-            mass = volumes(model.mesh.points[cells], rule) * densities[:, None]
-            yield cells, (mass @ table).reshape(len(cells), cells.shape[1], cells.shape[1])

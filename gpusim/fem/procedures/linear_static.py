@@ -16,17 +16,17 @@ from gpusim.fem.lattice.lattice import Lattice
 from gpusim.fem.linear.linear_solver import solve_system
 from gpusim.fem.linear.solve_plan import Clock, Options, SolvePlan, plan_solve
 from gpusim.fem.model.constraints import touched
+from gpusim.fem.model.dead_loads import with_dead_loads
 from gpusim.fem.model.elimination import eliminate
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.solution import Solution
-from gpusim.fem.model.thermal_loads import thermal
 from gpusim.fem.sparse.block_rows import BlockRows
 
 
 def linear_static(model: Model, lattice: Lattice | None, options: Options) -> Solution:
     """The solution of a model that is supported, on the ``lattice`` of its cells if it has one."""
     clock = options.clock
-    asked, model = model, _dead(model, options.formulation)
+    asked, model = model, with_dead_loads(model, options.formulation)
     elimination = eliminate(model)
     assembled = assemble(model, options.formulation, lattice)
     clock.mark("assembly")
@@ -40,22 +40,6 @@ def linear_static(model: Model, lattice: Lattice | None, options: Options) -> So
         u = elimination.displacements(outcome.u)
         outcome = replace(outcome, u=u, forces=whole.elements.product(u))
     return replace(_solution(model, system, assembled.rows, outcome, plan, clock), model=asked)
-
-
-def _dead(model: Model, formulation: Mapping[str, str]) -> Model:
-    """The same with forces in place of following loads and heat, on the undeformed body."""
-    if not model.loads and model.temperature is None:
-        return model
-    forces = model.load_cases.copy()
-    for load in model.loads:
-        forces[load.case] += load.forces(model.mesh.points)
-    if model.temperature is not None:
-        for case, change in enumerate(model.temperature):
-            forces[case] += thermal(
-                model.mesh, model.materials, change, model.material_of_cell, formulation
-            )
-    single = model.forces is not None and model.forces.ndim == 2
-    return replace(model, forces=forces[0] if single else forces, loads=(), temperature=None)
 
 
 def _system(model: Model, assembled: Assembled, formulations: Mapping[str, str]) -> System:

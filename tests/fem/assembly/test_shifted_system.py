@@ -1,4 +1,4 @@
-"""K + s M + D: as a product, and solved by every solver."""
+"""K + s M: as a product, and solved by every solver."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gpusim.fem.assembly.shifted_system import Shift, shifted_system
 from gpusim.fem.assembly.system import System, make_system
 from gpusim.fem.linear.linear_solver import solve_system
 from gpusim.fem.linear.solve_plan import Clock, Options, plan_solve
-from gpusim.fem.model.mass import mass_matrix, scalar_mass
+from gpusim.fem.model.mass import ElementMass, mass_matrix, scalar_mass
 from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.sparse.block_rows import block_matrix
 from tests.support.element_meshes import linear_mesh
@@ -37,20 +37,13 @@ def model_of(mesh: gs.Mesh, moved: bool = False) -> gs.Model:
     )
 
 
-def shift_of(model: gs.Model) -> Shift:
-    count = model.mesh.node_count
-    springs = np.zeros((count, 3, 3))
-    springs[::3] = np.diag([1.0, 2.0, 3.0])
-    return Shift(scalar_mass(model), 40.0, springs)
-
-
 def shifted(model: gs.Model) -> tuple[Assembled, System, Float]:
     """And the same as a dense matrix."""
-    assembled = assemble(model, resolve_formulation(model, None))
-    shift = shift_of(model)
+    formulation = resolve_formulation(model, None)
+    assembled = assemble(model, formulation)
+    elements = ElementMass(model, formulation, "exact")
+    shift = Shift(elements, scalar_mass(elements), 40.0)
     dense = block_matrix(assembled.rows).toarray() + 40.0 * mass_matrix(model).toarray()
-    for node, block in enumerate(shift.diagonal):
-        dense[3 * node : 3 * node + 3, 3 * node : 3 * node + 3] += block
     return (*shifted_system(assembled, make_system(model, assembled), shift), dense)
 
 
