@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,9 +18,6 @@ from gpusim.files.atomic_files import atomic_path
 from gpusim.files.hdf5_file import writing_hdf5
 from gpusim.parallel.machine import host_memory
 from gpusim.validation import require
-
-if TYPE_CHECKING:
-    import h5py
 
 # of the free memory, that arrays of a history may take
 _SHARE = 0.5
@@ -53,7 +50,8 @@ class Superposition:
 # the fields of `EnergyHistory`
 ENERGIES = ("kinetic", "strain", "external_work", "dissipated")
 FilePath = str | os.PathLike[str] | None
-Series = Float | Superposition | "h5py.Dataset"
+# one of these, or a data set of a file
+Series = Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,8 +108,9 @@ class History:
 
     times : (T,) instants.
     u, v, a : (T,N,3) displacement, velocity and acceleration, relative to the ground where that
-        moves; arrays, data sets of ``file``, or, of modal superposition, formed from the modes where
-        they are looked at (``history.u[k]``, ``history.u[:, node]``; `numpy.asarray` forms all).
+        moves; arrays, data sets of ``file``, or, of modal superposition, formed from the modes
+        where they are looked at (``history.u[k]``, ``history.u[:, node]``; `numpy.asarray` forms
+        all).
     energy : see `gpusim.fem.EnergyHistory`.
     modal : of modal superposition: the motion at any instant, exactly.
     method : "modal", "newmark", "hht" or "generalized-alpha". message : how it was computed.
@@ -156,24 +155,28 @@ class History:
         if self.modal is not None:
             return self.modal.at(time)
         k = min(int(np.searchsorted(self.times, time, side="right")) - 1, len(self.times) - 2)
-        states = [State(self.times[j], self.u[j], self.v[j], self.a[j]) for j in (k, k + 1)]
-        between = interpolated(*states, (time - states[0].time) / (states[1].time - states[0].time))
+        before, after = (
+            State(float(self.times[j]), self.u[j], self.v[j], self.a[j], np.zeros(4))
+            for j in (k, k + 1)
+        )
+        between = interpolated(before, after, (time - before.time) / (after.time - before.time))
         return between.u, between.v
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Displacement, velocity and acceleration at an instant."""
+    """Displacement, velocity and acceleration at an instant, and ``energies`` (4,): the fields of
+    an `EnergyHistory`."""
 
     time: float
     u: Float
     v: Float
     a: Float
+    energies: Float
 
 
 def interpolated(before: State, after: State, share: float) -> State:
-    """Between two states: cubics of displacement and velocity by their slopes, acceleration linear
-    in between."""
+    """Between two states: cubics of displacement and velocity by their slopes, the rest linear."""
     step = after.time - before.time
 
     def cubic(begin: Float, end: Float, slope: Float, last: Float) -> Float:
@@ -186,6 +189,7 @@ def interpolated(before: State, after: State, share: float) -> State:
         cubic(before.u, after.u, before.v, after.v),
         cubic(before.v, after.v, before.a, after.a),
         (1.0 - share) * before.a + share * after.a,
+        (1.0 - share) * before.energies + share * after.energies,
     )
 
 

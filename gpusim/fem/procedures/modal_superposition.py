@@ -9,6 +9,7 @@ Am. 59 (1969) 909, for all dampings and rigid-body modes).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import expm
@@ -20,9 +21,11 @@ from gpusim.fem.krylov.truncated_cg import truncated_cg
 from gpusim.fem.linear.shifted_solver import ShiftedSolver
 from gpusim.fem.linear.solve_plan import Options
 from gpusim.fem.model.damping import Damping
-from gpusim.fem.model.modes import Modes
 from gpusim.fem.model.record import Record
 from gpusim.fem.procedures.initial_value_problem import InitialValueProblem
+
+if TYPE_CHECKING:
+    from gpusim.fem.model.modes import Modes
 
 # instants that are worked on at a time
 _CHUNK = 1024

@@ -92,7 +92,8 @@ class Scheme:
 def predicted(state: State, step: float) -> State:
     """A step later, with the same acceleration."""
     u = state.u + step * state.v + 0.5 * step**2 * state.a
-    return State(state.time + step, u, state.v + step * state.a, state.a)
+    v = state.v + step * state.a
+    return replace(state, time=state.time + step, u=u, v=v)
 
 
 class Motion(Protocol):
@@ -110,12 +111,6 @@ class Motion(Protocol):
 
     def size(self, duration: float) -> float:
         """About the greatest displacement in so much time."""
-
-    def gains(self, before: State, after: State) -> Float:
-        """(2,) the work of loads in the last step, and what damping has dissipated."""
-
-    def energies(self, state: State) -> Float:
-        """(2,) kinetic and strain energy, at the beginning or the end of the last step."""
 
     def displacements(self, x: Float) -> Float:
         """(N,3) of a vector of states."""
@@ -157,7 +152,9 @@ class LinearMotion:
         equation, damping = self.equation, self._damping
         u, v = equation.unknowns(np.stack([self._problem.u, self._problem.v]))[:, None]
         force = self._load(time) - equation.stiffness(u + damping.stiffness * v)
-        return State(time, u, v, self.accelerations(force - damping.mass * equation.inertia(v)))
+        a = self.accelerations(force - damping.mass * equation.inertia(v))
+        state = State(time, u, v, a, np.zeros(4))
+        return replace(state, energies=np.append(self._stored(state), [0.0, 0.0]))
 
     def accelerations(self, force: Float) -> Float:
         """M^-1 ``force``, by conjugate gradients that are scaled by the diagonal.
@@ -184,10 +181,11 @@ class LinearMotion:
         force -= equation.inertia(state.a + damping.mass * v)
         solver = self._solver(shift)
         if solver.exact:
-            return scheme.corrected(after, solver.apply(force / factor), step)
-        energy = np.vdot(strained, inner) + shift * np.vdot(after.u, equation.inertia(after.u))
-        d = self._iterated(solver.preconditioner, shift, force / factor, float(energy))
-        return scheme.corrected(after, d, step)
+            d = solver.apply(force / factor)
+        else:
+            energy = np.vdot(strained, inner) + shift * np.vdot(after.u, equation.inertia(after.u))
+            d = self._iterated(solver.preconditioner, shift, force / factor, float(energy))
+        return self._balanced(state, scheme.corrected(after, d, step))
 
     def error(self, before: State, after: State) -> float:
         """Without what a step as long doesn't resolve of motions: they stay small themselves."""
@@ -203,8 +201,9 @@ class LinearMotion:
         push += shift * self.equation.inertia(state.u + state.v / np.sqrt(shift))
         return float(np.abs(self._solver(shift).apply(push)).max())
 
-    def gains(self, before: State, after: State) -> Float:
-        """By the trapezoidal rule, which is exact with Newmark's method."""
+    def _balanced(self, before: State, after: State) -> State:
+        """With energies; work is found by the trapezoidal rule, which is exact in Newmark's
+        method."""
         moved, damping, equation = after.u - before.u, self._damping, self.equation
         work = 0.5 * np.vdot(self._load(before.time) + self._load(after.time), moved)
         lost = 0.0
@@ -212,10 +211,11 @@ class LinearMotion:
             drag = damping.mass * equation.inertia(moved)
             drag += damping.stiffness * equation.stiffness(moved)
             lost = float(np.vdot(moved, drag)) / (after.time - before.time)
-        return equation.scale * np.array([work, lost])
+        gains = equation.scale * np.array([work, lost])
+        return replace(after, energies=np.append(self._stored(after), before.energies[2:] + gains))
 
-    def energies(self, state: State) -> Float:
-        """Of the whole body."""
+    def _stored(self, state: State) -> Float:
+        """(2,) kinetic and strain energy."""
         kinetic = np.vdot(state.v, self.equation.inertia(state.v))
         strain = np.vdot(state.u, self.equation.stiffness(state.u))
         return 0.5 * self.equation.scale * np.array([kinetic, strain])

@@ -35,6 +35,7 @@ from gpusim.fem.procedures.initial_value_problem import (
     with_moving_ground,
 )
 from gpusim.fem.procedures.modal_superposition import ModalResponse, modal_superposition
+from gpusim.fem.procedures.nonlinear_motion import NonlinearMotion
 from gpusim.fem.procedures.time_integration import (
     METHODS,
     LinearMotion,
@@ -76,7 +77,7 @@ def transient(
     formulation: str | Mapping[str, str] | None = None,
     mass: Annotated[str, one_of(*MASS_RULES)] = "exact",
     geometry: Annotated[str, one_of("linear", "nonlinear")] = "linear",
-    file: str | os.PathLike[str] | None = None,
+    file: FilePath = None,
     progress: Progress | None = None,
 ) -> History:
     """Response in time."""
@@ -90,15 +91,16 @@ def transient(
     options = Options("auto", None, "numpy", tolerance, None, None, None, names, Clock())
     with one_blas_thread():
         if method == "modal":
+            from gpusim.fem.procedures.modes import modes
+
             found = modes(model, count=count, formulation=names, mass=mass)
             response = modal_superposition(problem, found, damping, options)
             fields = _superposed(response, at, file)
         else:
             scheme, rayleigh = Scheme.named(method, spectral_radius), damping or Rayleigh()
             problem.require_fine(first)
-            moved: Motion = LinearMotion(problem, scheme, rayleigh, options)
-            if geometry == "nonlinear":
-                moved = NonlinearMotion(problem, scheme, rayleigh, moved)
+            moving = LinearMotion if geometry == "linear" else NonlinearMotion
+            moved: Motion = moving(problem, scheme, rayleigh, options)
             adaptive = step == "adaptive"
             error = tolerance * moved.size(at[-1] - at[0]) if adaptive else np.inf
             fields = _integrated(moved, StepSize(first, adaptive, error), at, file, progress)
@@ -150,7 +152,8 @@ def _superposed(response: ModalResponse, times: Float, file: FilePath) -> dict[s
         "message": f"{len(response.modes.oscillators.angular)} modes",
         "modal": ModalMotion(response.shapes, response),
         "warnings": tuple(
-            f"modes lack {share:.2g} of the energy of the {what}; more of them (count=...) lack less"
+            f"modes lack {share:.2g} of the energy of the {what}; more of them (count=...) lack "
+            "less"
             for what, share in response.lacking.items()
             if share > _LACKING
         ),
@@ -163,24 +166,19 @@ def _integrated(
     """Fields of a `History`: states one step after the other, as they are at ``times``."""
     slack, worst, greatest, k = 1e-9 * control.first, 0.0, 0.0, 1
     before = motion.begin(times[0])
-    # and the work of loads, and what is dissipated
-    energies = np.append(motion.energies(before), [0.0, 0.0])
-    with storage(times, motion.nodes, file) as fields:
-        _keep(fields, 0, motion, before, energies)
+    with storage(times, len(motion.displacements(before.u)), file) as fields:
+        _keep(fields, 0, motion, before)
         for number, (after, error) in enumerate(time_steps(motion, before, control), 1):
             worst, greatest = np.fmax(worst, error), max(greatest, float(np.abs(after.u).max()))
-            gained = energies[2:] + motion.gains(before, after)
-            last = np.append(motion.energies(after), gained)
             while k < len(times) and times[k] <= after.time + slack:
                 share = min((times[k] - before.time) / (after.time - before.time), 1.0)
-                state = interpolated(before, after, share)
-                _keep(fields, k, motion, state, (1.0 - share) * energies + share * last)
+                _keep(fields, k, motion, interpolated(before, after, share))
                 k += 1
             if progress is not None:
                 progress(number, after.time)
             if k == len(times):
                 break
-            before, energies = after, last
+            before = after
     message = f"{number} steps, {motion.message}"
     worst /= greatest if greatest > 0.0 else 1.0
     warnings = ()
@@ -192,9 +190,9 @@ def _integrated(
     return {**stored(fields, file), "message": message, "warnings": warnings}
 
 
-def _keep(fields: dict[str, Any], k: int, motion: Motion, state: State, energies: Float) -> None:
-    """Write a state and its energies as the ``k``-th."""
+def _keep(fields: dict[str, Any], k: int, motion: Motion, state: State) -> None:
+    """Write a state as the ``k``-th."""
     for name, x in zip("uva", (state.u, state.v, state.a), strict=True):
         fields[name][k] = motion.displacements(x)
-    for name, value in zip(ENERGIES, energies, strict=True):
+    for name, value in zip(ENERGIES, state.energies, strict=True):
         fields[name][k] = value
