@@ -8,6 +8,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
+from gpusim.fem.assembly.system import finest_product
 from gpusim.fem.krylov.cg import Preconditioner
 from gpusim.fem.linear.direct_solver import DirectSolver
 from gpusim.fem.linear.multigrid_solver import MultigridSolver
@@ -38,7 +39,12 @@ class ShiftedSolver:
             else DirectSolver(direct)
         )
         self.preconditioner: Preconditioner = solver.preconditioner
+        self._product, self._free = finest_product(assembled.rows, system), equation.unknown
 
     def apply(self, r: Float) -> Float:
         """(L,3N) of r (L,3N)."""
         return self.preconditioner.apply(r)
+
+    def product(self, x: Float) -> Float:
+        """K + ``shift`` M times x (L,3N), as an iteration takes it."""
+        return np.where(self._free, self._product(x), 0.0)

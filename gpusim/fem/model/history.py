@@ -156,7 +156,7 @@ class History:
             return self.modal.at(time)
         k = min(int(np.searchsorted(self.times, time, side="right")) - 1, len(self.times) - 2)
         before, after = (
-            State(float(self.times[j]), self.u[j], self.v[j], self.a[j], np.zeros(4))
+            State(float(self.times[j]), self.u[j], self.v[j], self.a[j], np.zeros(2))
             for j in (k, k + 1)
         )
         between = interpolated(before, after, (time - before.time) / (after.time - before.time))
@@ -165,14 +165,14 @@ class History:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Displacement, velocity and acceleration at an instant, and ``energies`` (4,): the fields of
-    an `EnergyHistory`."""
+    """Displacement, velocity and acceleration at an instant, and ``gains`` (2,): what loads have
+    done until then, and what is dissipated."""
 
     time: float
     u: Float
     v: Float
     a: Float
-    energies: Float
+    gains: Float
 
 
 def interpolated(before: State, after: State, share: float) -> State:
@@ -189,7 +189,7 @@ def interpolated(before: State, after: State, share: float) -> State:
         cubic(before.u, after.u, before.v, after.v),
         cubic(before.v, after.v, before.a, after.a),
         (1.0 - share) * before.a + share * after.a,
-        (1.0 - share) * before.energies + share * after.energies,
+        (1.0 - share) * before.gains + share * after.gains,
     )
 
 

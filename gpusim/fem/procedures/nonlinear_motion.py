@@ -60,12 +60,13 @@ class StepEquation(Equation):
 
 @dataclass(frozen=True, eq=False)
 class Balance:
-    """At the end of a step: what elements remember, and ``external`` and ``internal`` forces
-    (N,3)."""
+    """At the end of a step: what elements remember, ``external`` and ``internal`` forces (N,3),
+    kinetic and strain ``energies``, NaN where a law doesn't tell them."""
 
     elements: list[Internal]
     external: Float
     internal: Float
+    energies: Float
 
 
 class NonlinearMotion:
@@ -102,11 +103,10 @@ class NonlinearMotion:
         u, v, equation = self._problem.u, self._problem.v, self._linear.equation
         if u.any():
             self.equation.relax(u, self._factors(time))
-        balance = self._balances[time] = self._balance(time, u)
+        balance = self._balances[time] = self._balance(time, u, v)
         force = balance.external - balance.internal - self._inertia(self._damping.mass * v)
         x = self._linear.accelerations(equation.forces(force[None]))
-        state = State(time, u, v, equation.displacements(x)[0], np.zeros(4))
-        return replace(state, energies=np.append(self._stored(state), [0.0, 0.0]))
+        return State(time, u, v, equation.displacements(x)[0], np.zeros(2))
 
     def advance(self, state: State, step: float) -> State:
         """One equilibrium, from the last state."""
@@ -128,8 +128,9 @@ class NonlinearMotion:
         equation.commit(found.u, factors)
         self._counts.append(len(found.iterations))
         after = scheme.corrected(after, found.u - after.u, step)
-        self._balances = {state.time: before, after.time: self._balance(after.time, after.u)}
-        return self._balanced(state, after)
+        balance = self._balance(after.time, after.u, after.v)
+        self._balances = {state.time: before, after.time: balance}
+        return replace(after, gains=state.gains + self._gains(state, after))
 
     def error(self, before: State, after: State) -> float:
         """Without what a step as long doesn't resolve of motions: they stay small themselves."""
@@ -148,35 +149,31 @@ class NonlinearMotion:
     def _factors(self, time: float) -> Float:
         return self._problem.factors.at(np.array([time]))[0]
 
-    def _balance(self, time: float, u: Float) -> Balance:
-        equation, factors = self.equation, self._factors(time)
+    def energies(self, state: State) -> Float:
+        """As they were found in the step."""
+        return self._balances[state.time].energies
+
+    def _balance(self, time: float, u: Float, v: Float) -> Balance:
+        equation, factors, strain = self.equation, self._factors(time), 0.0
         external, internal = equation.external(u, factors), equation.internal(u, factors)
-        return Balance(equation.snapshot(), external, internal)
-
-    def _stored(self, state: State) -> Float:
-        """(2,) kinetic and strain energy, this one NaN where a law doesn't tell it."""
-        strain = 0.0
-        for one in self.equation.responses:
+        for one in equation.responses:
             for which in portions(len(one.cells)):
-                values = one.point_values(which, state.u)
+                values = one.point_values(which, u)
                 strain += float(np.vdot(values.results["energy"], values.volume))
-        return np.array([0.5 * np.vdot(state.v, self._inertia(state.v)), strain])
+        energies = np.array([0.5 * np.vdot(v, self._inertia(v)), strain])
+        return Balance(equation.snapshot(), external, internal, energies)
 
-    def _balanced(self, before: State, after: State) -> State:
-        """With energies. Raises NotConverged where the body has gained some that nobody gave it."""
+    def _gains(self, before: State, after: State) -> Float:
+        """In a step. Raises NotConverged where the body has gained energy that nobody gave it."""
         begin, end = (self._balances[one.time] for one in (before, after))
-        moved, stored = after.u - before.u, self._stored(after)
+        moved, stored = after.u - before.u, end.energies - begin.energies
         work = 0.5 * float(np.vdot(begin.external + end.external, moved))
-        lost = self._damping.mass * float(np.vdot(moved, self._inertia(moved)))
-        lost /= after.time - before.time
+        drag = self._damping.mass / (after.time - before.time) * self._inertia(moved)
+        lost = float(np.vdot(moved, drag))
         if self.equation.has_history:
             # strained for good
-            lost += 0.5 * float(np.vdot(begin.internal + end.internal, moved))
-            lost -= stored[1] - before.energies[1]
-        gained = stored.sum() - before.energies[:2].sum() + lost - work
-        if gained > _MOST_GROWTH * stored.sum():
-            raise NotConverged(
-                f"a step has gained {gained / stored.sum():.1%} of its energy from nowhere"
-            )
-        gains = before.energies[2:] + np.array([work, lost])
-        return replace(after, energies=np.append(stored, gains))
+            lost += 0.5 * float(np.vdot(begin.internal + end.internal, moved)) - stored[1]
+        share = (stored.sum() + lost - work) / max(float(end.energies.sum()), 1e-300)
+        if share > _MOST_GROWTH:
+            raise NotConverged(f"{share:.1%} of the energy in a step, from nowhere")
+        return np.array([work, lost])

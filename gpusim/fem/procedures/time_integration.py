@@ -112,6 +112,9 @@ class Motion(Protocol):
     def size(self, duration: float) -> float:
         """About the greatest displacement in so much time."""
 
+    def energies(self, state: State) -> Float:
+        """(2,) kinetic and strain, where the last step began or ended."""
+
     def displacements(self, x: Float) -> Float:
         """(N,3) of a vector of states."""
 
@@ -153,8 +156,7 @@ class LinearMotion:
         u, v = equation.unknowns(np.stack([self._problem.u, self._problem.v]))[:, None]
         force = self._load(time) - equation.stiffness(u + damping.stiffness * v)
         a = self.accelerations(force - damping.mass * equation.inertia(v))
-        state = State(time, u, v, a, np.zeros(4))
-        return replace(state, energies=np.append(self._stored(state), [0.0, 0.0]))
+        return State(time, u, v, a, np.zeros(2))
 
     def accelerations(self, force: Float) -> Float:
         """M^-1 ``force``, by conjugate gradients that are scaled by the diagonal.
@@ -184,8 +186,9 @@ class LinearMotion:
             d = solver.apply(force / factor)
         else:
             energy = np.vdot(strained, inner) + shift * np.vdot(after.u, equation.inertia(after.u))
-            d = self._iterated(solver.preconditioner, shift, force / factor, float(energy))
-        return self._balanced(state, scheme.corrected(after, d, step))
+            d = self._iterated(solver, force / factor, float(energy))
+        after = scheme.corrected(after, d, step)
+        return replace(after, gains=state.gains + self._gains(state, after))
 
     def error(self, before: State, after: State) -> float:
         """Without what a step as long doesn't resolve of motions: they stay small themselves."""
@@ -201,9 +204,8 @@ class LinearMotion:
         push += shift * self.equation.inertia(state.u + state.v / np.sqrt(shift))
         return float(np.abs(self._solver(shift).apply(push)).max())
 
-    def _balanced(self, before: State, after: State) -> State:
-        """With energies; work is found by the trapezoidal rule, which is exact in Newmark's
-        method."""
+    def _gains(self, before: State, after: State) -> Float:
+        """In a step, by the trapezoidal rule, which is exact in Newmark's method."""
         moved, damping, equation = after.u - before.u, self._damping, self.equation
         work = 0.5 * np.vdot(self._load(before.time) + self._load(after.time), moved)
         lost = 0.0
@@ -211,11 +213,10 @@ class LinearMotion:
             drag = damping.mass * equation.inertia(moved)
             drag += damping.stiffness * equation.stiffness(moved)
             lost = float(np.vdot(moved, drag)) / (after.time - before.time)
-        gains = equation.scale * np.array([work, lost])
-        return replace(after, energies=np.append(self._stored(after), before.energies[2:] + gains))
+        return equation.scale * np.array([work, lost])
 
-    def _stored(self, state: State) -> Float:
-        """(2,) kinetic and strain energy."""
+    def energies(self, state: State) -> Float:
+        """Two products, for those who ask."""
         kinetic = np.vdot(state.v, self.equation.inertia(state.v))
         strain = np.vdot(state.u, self.equation.stiffness(state.u))
         return 0.5 * self.equation.scale * np.array([kinetic, strain])
@@ -232,9 +233,8 @@ class LinearMotion:
             self._solvers[shift] = ShiftedSolver(self.equation, shift, self._options)
         return self._solvers[shift]
 
-    def _iterated(self, near: Preconditioner, shift: float, right: Float, size: float) -> Float:
-        equation = self.equation
-        loop = NumpyCG(lambda x: equation.stiffness(x) + shift * equation.inertia(x), near)
+    def _iterated(self, solver: ShiftedSolver, right: Float, size: float) -> Float:
+        loop = NumpyCG(solver.product, solver.preconditioner)
         left = float(loop.begin(right)[0])
         limit = self._options.tolerance**2 * max(size, left)
         for iteration in range(_MOST_ITERATIONS):

@@ -166,19 +166,22 @@ def _integrated(
     """Fields of a `History`: states one step after the other, as they are at ``times``."""
     slack, worst, greatest, k = 1e-9 * control.first, 0.0, 0.0, 1
     before = motion.begin(times[0])
+    energies = motion.energies(before)
     with storage(times, len(motion.displacements(before.u)), file) as fields:
-        _keep(fields, 0, motion, before)
+        _keep(fields, 0, motion, before, energies)
         for number, (after, error) in enumerate(time_steps(motion, before, control), 1):
             worst, greatest = np.fmax(worst, error), max(greatest, float(np.abs(after.u).max()))
+            last = motion.energies(after)
             while k < len(times) and times[k] <= after.time + slack:
                 share = min((times[k] - before.time) / (after.time - before.time), 1.0)
-                _keep(fields, k, motion, interpolated(before, after, share))
+                state = interpolated(before, after, share)
+                _keep(fields, k, motion, state, (1.0 - share) * energies + share * last)
                 k += 1
             if progress is not None:
                 progress(number, after.time)
             if k == len(times):
                 break
-            before = after
+            before, energies = after, last
     message = f"{number} steps, {motion.message}"
     worst /= greatest if greatest > 0.0 else 1.0
     warnings = ()
@@ -190,9 +193,11 @@ def _integrated(
     return {**stored(fields, file), "message": message, "warnings": warnings}
 
 
-def _keep(fields: dict[str, Any], k: int, motion: Motion, state: State) -> None:
+def _keep(
+    fields: dict[str, Any], k: int, motion: Motion, state: State, energies: Float
+) -> None:
     """Write a state as the ``k``-th."""
     for name, x in zip("uva", (state.u, state.v, state.a), strict=True):
         fields[name][k] = motion.displacements(x)
-    for name, value in zip(ENERGIES, state.energies, strict=True):
+    for name, value in zip(ENERGIES, [*energies, *state.gains], strict=True):
         fields[name][k] = value
