@@ -9,7 +9,6 @@ Am. 59 (1969) 909, for all dampings and rigid-body modes).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import expm
@@ -21,11 +20,9 @@ from gpusim.fem.krylov.truncated_cg import truncated_cg
 from gpusim.fem.linear.shifted_solver import ShiftedSolver
 from gpusim.fem.linear.solve_plan import Options
 from gpusim.fem.model.damping import Damping
+from gpusim.fem.model.modes import Modes
 from gpusim.fem.model.record import Record
 from gpusim.fem.procedures.initial_value_problem import InitialValueProblem
-
-if TYPE_CHECKING:
-    from gpusim.fem.model.modes import Modes
 
 # instants that are worked on at a time
 _CHUNK = 1024
@@ -164,7 +161,7 @@ def modal_superposition(
     equation, factors = problem.linear_equation, problem.factors
     forces = problem.forces(equation)
     x, scale = equation.unknowns(modes.shapes), equation.scale
-    angular = 2.0 * np.pi * modes.frequencies
+    angular = modes.angular
     # rigid-body modes may have a damping, though no ratio
     positive = np.maximum(angular, 1e-100)
     lost = np.zeros_like(angular) if damping is None else 2.0 * damping.ratios(positive) * positive

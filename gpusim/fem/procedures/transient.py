@@ -35,6 +35,7 @@ from gpusim.fem.procedures.initial_value_problem import (
     with_moving_ground,
 )
 from gpusim.fem.procedures.modal_superposition import ModalResponse, modal_superposition
+from gpusim.fem.procedures.modes import modes
 from gpusim.fem.procedures.nonlinear_motion import NonlinearMotion
 from gpusim.fem.procedures.time_integration import (
     METHODS,
@@ -91,8 +92,6 @@ def transient(
     options = Options("auto", None, "numpy", tolerance, None, None, None, names, Clock())
     with one_blas_thread():
         if method == "modal":
-            from gpusim.fem.procedures.modes import modes
-
             found = modes(model, count=count, formulation=names, mass=mass)
             response = modal_superposition(problem, found, damping, options)
             fields = _superposed(response, at, file)
@@ -166,22 +165,26 @@ def _integrated(
     """Fields of a `History`: states one step after the other, as they are at ``times``."""
     slack, worst, greatest, k = 1e-9 * control.first, 0.0, 0.0, 1
     before = motion.begin(times[0])
-    energies = motion.energies(before)
+    energies: Float | None = motion.energies(before)
     with storage(times, len(motion.displacements(before.u)), file) as fields:
         _keep(fields, 0, motion, before, energies)
         for number, (after, error) in enumerate(time_steps(motion, before, control), 1):
             worst, greatest = np.fmax(worst, error), max(greatest, float(np.abs(after.u).max()))
-            last = motion.energies(after)
+            if times[k] > after.time + slack:
+                energies = None
+            else:
+                first = motion.energies(before) if energies is None else energies
+                energies = motion.energies(after)
             while k < len(times) and times[k] <= after.time + slack:
                 share = min((times[k] - before.time) / (after.time - before.time), 1.0)
                 state = interpolated(before, after, share)
-                _keep(fields, k, motion, state, (1.0 - share) * energies + share * last)
+                _keep(fields, k, motion, state, (1.0 - share) * first + share * energies)
                 k += 1
             if progress is not None:
                 progress(number, after.time)
             if k == len(times):
                 break
-            before, energies = after, last
+            before = after
     message = f"{number} steps, {motion.message}"
     worst /= greatest if greatest > 0.0 else 1.0
     warnings = ()
@@ -193,9 +196,7 @@ def _integrated(
     return {**stored(fields, file), "message": message, "warnings": warnings}
 
 
-def _keep(
-    fields: dict[str, Any], k: int, motion: Motion, state: State, energies: Float
-) -> None:
+def _keep(fields: dict[str, Any], k: int, motion: Motion, state: State, energies: Float) -> None:
     """Write a state as the ``k``-th."""
     for name, x in zip("uva", (state.u, state.v, state.a), strict=True):
         fields[name][k] = motion.displacements(x)
