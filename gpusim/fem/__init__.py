@@ -34,6 +34,7 @@ from gpusim.fem.materials.saint_venant_kirchhoff import SaintVenantKirchhoff
 from gpusim.fem.model.constraints import Equations, equations, tie
 from gpusim.fem.model.damping import ModalDamping, Rayleigh, StructuralDamping
 from gpusim.fem.model.follower_loads import FollowerPressure
+from gpusim.fem.model.harmonic_response import HarmonicResponse
 from gpusim.fem.model.loads import (
     body_force,
     centrifugal,
@@ -48,6 +49,9 @@ from gpusim.fem.model.model import Model
 from gpusim.fem.model.solution import LoadStep, Solution
 from gpusim.fem.model.supports import symmetry
 from gpusim.fem.model.thermal_loads import thermal
+from gpusim.fem.procedures.frequency_response import frequency_response
+from gpusim.fem.procedures.harmonic import harmonic
+from gpusim.fem.procedures.random_response import RandomResponse, random_response
 from gpusim.fem.procedures.statics import solve
 from gpusim.fem.recovery.stress import Stress, principal, stress, von_mises
 
@@ -56,6 +60,7 @@ __all__ = [
     "METHODS",
     "Equations",
     "FollowerPressure",
+    "HarmonicResponse",
     "Hencky",
     "IsochoricNeoHookean",
     "Isotropic",
@@ -66,6 +71,7 @@ __all__ = [
     "Model",
     "NeoHookean",
     "Orthotropic",
+    "RandomResponse",
     "Rayleigh",
     "SaintVenantKirchhoff",
     "Solution",
@@ -77,12 +83,15 @@ __all__ = [
     "centrifugal",
     "equations",
     "face_force",
+    "frequency_response",
+    "harmonic",
     "line_force",
     "lumped_mass",
     "mass_matrix",
     "nodal_force",
     "pressure",
     "principal",
+    "random_response",
     "solve",
     "stress",
     "symmetry",

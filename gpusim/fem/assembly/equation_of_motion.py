@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, identity, kron
 
 from gpusim.arrays.array_types import Bool, Float
 from gpusim.fem.assembly.assembly import Assembled, assemble, model_lattice
@@ -33,6 +33,7 @@ from gpusim.fem.model.elimination import Elimination, eliminate
 from gpusim.fem.model.mass import ElementMass, check_densities, scalar_mass
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.solution import Solution
+from gpusim.fem.sparse.block_rows import block_matrix
 from gpusim.validation import require
 
 # of the elements' own unknowns, which are found anew at an equilibrium, and when they have been
@@ -110,10 +111,28 @@ class EquationOfMotion:
 
     def forces(self, f: Float) -> Float:
         """What nodal forces (L,N,3), in the model's own numbers, do to x: (L,3N)."""
-        inside = f if self._numbering is None else self._numbering.forward(f)
+        return self._forces(f if self._numbering is None else self._numbering.forward(f))
+
+    def inertia_forces(self, a: Float) -> Float:
+        """What M a does to x: (L,3N), of accelerations a (L,N,3) of all nodes, in the model's own
+        numbers; those that are held still move as well."""
+        inside = a if self._numbering is None else self._numbering.forward(a)
+        return self._forces(self.shift(1.0).forces(inside))
+
+    @property
+    def matrices(self) -> tuple[csr_matrix, csr_matrix]:
+        """K and M (n,n) over the scale, of the n displacements that are solved for."""
+        mass, free = csr_matrix(kron(self.mass, identity(3))), np.flatnonzero(self.unknown)
         if self._elimination is not None:
-            inside = self._elimination.forces(inside)
-        return np.where(self.unknown, inside.reshape(len(f), -1) / self.scale, 0.0)
+            mass = csr_matrix(self._elimination.matrix.T @ mass @ self._elimination.matrix)
+        stiffness = csr_matrix(block_matrix(self._reduced[0].rows, self.scale))
+        return stiffness[free][:, free], mass[free][:, free] / self.scale
+
+    def _forces(self, f: Float) -> Float:
+        """(L,3N) of forces (L,N,3) in the numbers inside."""
+        if self._elimination is not None:
+            f = self._elimination.forces(f)
+        return np.where(self.unknown, f.reshape(len(f), -1) / self.scale, 0.0)
 
     def shift(self, factor: float) -> Shift:
         """``factor`` times the mass."""
