@@ -76,6 +76,7 @@ if _typing.TYPE_CHECKING:
     from gpusim.fem import Isotropic as Isotropic
     from gpusim.fem import ModalDamping as ModalDamping
     from gpusim.fem import Model as Model
+    from gpusim.fem import Modes as Modes
     from gpusim.fem import NeoHookean as NeoHookean
     from gpusim.fem import Orthotropic as Orthotropic
     from gpusim.fem import Rayleigh as Rayleigh
@@ -84,6 +85,7 @@ if _typing.TYPE_CHECKING:
     from gpusim.fem import StructuralDamping as StructuralDamping
     from gpusim.fem import frequency_response as frequency_response
     from gpusim.fem import harmonic as harmonic
+    from gpusim.fem import modes as modes
     from gpusim.fem import random_response as random_response
     from gpusim.field import Field as Field
     from gpusim.field import read_field as read_field
@@ -138,8 +140,8 @@ _HOMES = {
         "OutOfDeviceMemory SceneError TwinMismatch"
     ),
     "gpusim.fem": (
-        "Hencky Isotropic J2 ModalDamping Model NeoHookean Orthotropic Rayleigh "
-        "SaintVenantKirchhoff Solution StructuralDamping frequency_response harmonic "
+        "Hencky Isotropic J2 ModalDamping Model Modes NeoHookean Orthotropic Rayleigh "
+        "SaintVenantKirchhoff Solution StructuralDamping frequency_response harmonic modes "
         "random_response"
     ),
     "gpusim.field": "Field read_field",

@@ -46,11 +46,13 @@ from gpusim.fem.model.loads import (
 )
 from gpusim.fem.model.mass import lumped_mass, mass_matrix
 from gpusim.fem.model.model import Model
+from gpusim.fem.model.modes import Modes
 from gpusim.fem.model.solution import LoadStep, Solution
 from gpusim.fem.model.supports import symmetry
 from gpusim.fem.model.thermal_loads import thermal
 from gpusim.fem.procedures.frequency_response import frequency_response
 from gpusim.fem.procedures.harmonic import harmonic
+from gpusim.fem.procedures.modes import modes
 from gpusim.fem.procedures.random_response import RandomResponse, random_response
 from gpusim.fem.procedures.statics import solve
 from gpusim.fem.recovery.stress import Stress, principal, stress, von_mises
@@ -69,6 +71,7 @@ __all__ = [
     "Material",
     "ModalDamping",
     "Model",
+    "Modes",
     "NeoHookean",
     "Orthotropic",
     "RandomResponse",
@@ -88,6 +91,7 @@ __all__ = [
     "line_force",
     "lumped_mass",
     "mass_matrix",
+    "modes",
     "nodal_force",
     "pressure",
     "principal",

@@ -89,6 +89,12 @@ class EquationOfMotion:
         image = system.elements.product(x.reshape(len(x), -1, 3)).reshape(x.shape)
         return np.where(self.unknown, image / self.scale, 0.0)
 
+    def rounding_by_deformation(self, x: Float) -> Float:
+        """(L,3N) as much as rounding can do to `stiffness_by_deformation`."""
+        system = self._reduced[1].by_deformation()
+        size = np.abs(system.rounding(x.reshape(len(x), -1, 3))).reshape(x.shape)
+        return np.where(self.unknown, size, 0.0)
+
     def inertia(self, x: Float) -> Float:
         """M x (L,3N)."""
         u, elimination = x.reshape(len(x), -1, 3), self._elimination
@@ -125,8 +131,9 @@ class EquationOfMotion:
         mass, free = csr_matrix(kron(self.mass, identity(3))), np.flatnonzero(self.unknown)
         if self._elimination is not None:
             mass = csr_matrix(self._elimination.matrix.T @ mass @ self._elimination.matrix)
-        stiffness = csr_matrix(block_matrix(self._reduced[0].rows, self.scale))
-        return stiffness[free][:, free], mass[free][:, free] / self.scale
+        both = block_matrix(self._reduced[0].rows).tocsr(), mass
+        stiffness, mass = (csr_matrix(one[free][:, free] / self.scale) for one in both)
+        return stiffness, mass
 
     def _forces(self, f: Float) -> Float:
         """(L,3N) of forces (L,N,3) in the numbers inside."""

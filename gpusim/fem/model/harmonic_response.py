@@ -58,26 +58,22 @@ class HarmonicResponse:
 
     @cached_property
     def phase(self) -> Float:
-        """(F,N,3) by how much ``u`` leads, rad, from -pi to pi."""
+        """(F,N,3) by how much ``u`` leads the cosine, rad, from -pi to pi."""
         return np.angle(self.u)
 
-    def at(self, k: int, phase: Finite = 0.0) -> Float:
-        """(N,3) displacements Re(u exp(i phase)) at frequency number ``k``; ``phase`` 2 pi f t in
-        rad."""
-        return self._instant(k, phase, 0)
-
-    def velocity(self, k: int, phase: Finite = 0.0) -> Float:
-        """(N,3) velocities at the same instant."""
-        return self._instant(k, phase, 1)
-
     @checked
-    def _instant(self, k: int, phase: Finite, derivative: int) -> Float:
+    def at(self, k: int, phase: Finite = 0.0) -> Float:
+        """(N,3) displacements Re(u exp(i phase)) at frequency number ``k``; ``phase`` is 2 pi f t,
+        rad."""
         count = len(self.frequencies)
         require(-count <= k < count, "harmonic response: frequency number", k, f"0 … {count - 1}")
-        turn = np.exp(1j * phase) * (2j * np.pi * self.frequencies[k]) ** derivative
-        return np.ascontiguousarray(
-            np.tensordot(turn * self.coordinates[k], self.shapes, axes=1).real
-        )
+        coordinates = np.exp(1j * phase) * self.coordinates[k]
+        return np.ascontiguousarray(np.tensordot(coordinates, self.shapes, axes=1).real)
+
+    def velocity(self, k: int, phase: Finite = 0.0) -> Float:
+        """(N,3) velocities at the same instant: a quarter of a turn ahead."""
+        ahead = self.at(k, phase + 0.5 * np.pi)
+        return 2.0 * np.pi * float(self.frequencies[k]) * ahead
 
     def absolute(self) -> HarmonicResponse:
         """The same with the motion of the base in it, as a camera at rest sees it.

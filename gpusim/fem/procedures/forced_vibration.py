@@ -38,6 +38,9 @@ class ForcedVibration:
     def __post_init__(self) -> None:
         got = type(self.model).__name__
         require(isinstance(self.model, Model), "harmonic: model", got, "a Model")
+        known = isinstance(self.modes, Modes | None)
+        known = known and isinstance(self.prestress, Solution | None)
+        require(known, "harmonic: modes, prestress", "something else", "Modes, a Solution, or None")
         still = not self.model.prescribed_cases.any()
         expected = "supports that hold still (the base may shake)"
         require(still, "harmonic: model", "prescribed displacements", expected)

@@ -114,7 +114,8 @@ def steady_response(
         return HarmonicResponse(given, coordinates, basis.shapes, truncation, model)
     if not angular.all():
         check_supports(model)
-    u, each = _direct(vibration.equation, angular, load, damping), np.eye(len(given)) + 0j
+    u = _direct(vibration.equation, angular, load, damping)
+    each = np.eye(len(given), dtype=np.complex128)
     return HarmonicResponse(given, each, u, np.zeros(len(given)), model)
 
 

@@ -28,8 +28,12 @@ _STATIC_ERROR = 1e-10
 # of the static response's energy: less beyond the modes is rounding; more than that is open at
 # frequencies above theirs
 _ROUNDING, _NEGLIGIBLE = 1e-18, 1e-12
+# of the last frequency: by which a basis may change those of modes
+_SAME = 1e-3
 # share of the greater residual vector's energy from which on the other one doesn't repeat it
 _DISTINCT = 1e-12
+# of a load: what is left of it beside the inertia of a free body, which is rounding below that
+_BALANCED = 1e-12
 # share of a free body's mass, at the first elastic frequency, that its solver has as well
 _SHIFT = 0.01
 # relative to squared frequencies: nearer to a resonance that nothing damps a response isn't known
@@ -52,7 +56,9 @@ class ModalBasis:
     def of(equation: EquationOfMotion, modes: Modes, load: Complex, options: Options) -> ModalBasis:
         """For forces ``load`` (3N,) on the equation's unknowns."""
         rigid, count = int((modes.frequencies == 0.0).sum()), len(modes.frequencies)
-        require(rigid < count, "modal basis: modes", "rigid ones alone", "a greater count")
+        require(rigid < count, "harmonic: modes", "rigid ones alone", "a greater count")
+        fits = modes.shapes[0].size == len(load)
+        require(fits, "harmonic: modes", "those of another mesh", "those of the model")
         first = 2.0 * np.pi * float(modes.frequencies[rigid])
         shift = _SHIFT * first**2 if rigid else 0.0
         solver = ShiftedSolver(equation, shift, options)
@@ -64,6 +70,9 @@ class ModalBasis:
         x = (turn / np.sqrt(mu)).T[::-1] @ x
         squares = 1.0 / mu[::-1] - shift
         squares[:rigid] = 0.0
+        same = np.abs(np.sqrt(squares[:count]) - modes.angular) <= _SAME * modes.angular[-1]
+        expected = "all from the lowest one on, of this model, formulation and mass"
+        require(bool(same.all()), "harmonic: modes", "others than the basis has", expected)
         forcing = np.sqrt(equation.scale) * (x @ load)
         energy = np.abs(forcing[rigid:]) ** 2 / squares[rigid:]
         # nothing at all where a load moves a free body alone
@@ -106,6 +115,8 @@ def _residual_vectors(
     inertia, parts = equation.inertia(x), np.stack([load.real, load.imag])
     # a free body is strained by what is left beside its inertia
     balanced = parts - (parts @ x[:rigid].T) @ inertia[:rigid]
+    sizes = np.linalg.norm([balanced, parts], axis=2)
+    balanced[~(sizes[0] > _BALANCED * sizes[1])] = 0.0
     solved = truncated_cg(equation.stiffness, solver.preconditioner, balanced, _STATIC_ERROR)
     if solved is None:
         raise NotConverged("static response: got a stiffness that isn't definite; expected one")

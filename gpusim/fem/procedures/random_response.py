@@ -187,9 +187,8 @@ def _covariance(basis: ModalBasis, damping: Damping, density: Float) -> Float:
 
 def _interpolated(density: Float, frequencies: Float) -> Float:
     """(m,) of a spectral density (2,R) at some frequencies (m,), Hz."""
-    least = np.finfo(np.float64).tiny  # 0 Hz is beyond the band
-    place = np.log(np.maximum(frequencies, least))
-    return np.exp(np.interp(place, *np.log(density), left=-np.inf, right=-np.inf))
+    at, (place, value) = np.log(np.maximum(frequencies, 1e-300)), np.log(density)
+    return np.asarray(np.exp(np.interp(at, place, value, left=-np.inf, right=-np.inf)))
 
 
 def _panels(angular: Float, damping: Damping, frequencies: Float) -> Float:
