@@ -88,9 +88,21 @@ class EquationOfMotion:
 
     def rounding_by_deformation(self, x: Float) -> Float:
         """(L,3N) as much as rounding can do to `stiffness_by_deformation`."""
-        system = self._reduced[1].by_deformation()
-        size = np.abs(system.rounding(x.reshape(len(x), -1, 3))).reshape(x.shape)
-        return np.where(self.unknown, size, 0.0)
+        return self._sizes(self._reduced[1].by_deformation().rounding, x)
+
+    def stiffness_by_differences(self, x: Float) -> Float:
+        """K x from differences of displacements, as it is on a lattice anyway; between the two
+        others, in time and as sharp."""
+        image = self._reduced[1].apply(x.reshape(len(x), -1, 3)).reshape(x.shape)
+        return np.where(self.unknown, image, 0.0)
+
+    def rounding_by_differences(self, x: Float) -> Float:
+        """(L,3N) as much as rounding can do to `stiffness_by_differences`."""
+        return self._sizes(self._reduced[1].rounding, x)
+
+    def _sizes(self, rounding: Callable[[Float], Float], x: Float) -> Float:
+        forces = rounding(x.reshape(len(x), -1, 3)).reshape(x.shape)
+        return np.where(self.unknown, np.abs(forces), 0.0)
 
     def inertia(self, x: Float) -> Float:
         """M x (L,3N)."""

@@ -33,6 +33,8 @@ _MEMORY = 0.5
 # rows to begin with; times that a shift is brought nearer to the lowest elastic value, and of that
 # the multiple beyond which modes are hard to tell apart
 _START, _SHIFTS, _FAR = 8, 6, 2.0
+# share of the tolerance that iterations are to reach
+_AIM = 0.8
 # relative error beyond which a frequency is none
 _SOFT = 0.1
 
@@ -172,16 +174,33 @@ class _Search:
         expected = f"at most {_MEMORY:.0%} of the free memory: fewer modes, or a narrower band"
         fits = need <= _MEMORY * host_memory()
         require(fits, f"modes: {count} modes need", f"{need / 1e9:.1f} GB", expected)
-        pairs = davidson(
-            self._pencil, count, 0.25 * self.options.tolerance, self._start, self.options.progress
-        )
+        # the error of lambda + s, which is what is found, is less of it than that of lambda
+        share = 2.0 / (1.0 + _FAR) if self.shift else 2.0
+        aim, progress = _AIM * share * self.options.tolerance, self.options.progress
+        pairs = davidson(self._pencil, count, aim, self._start, progress)
         self._start = pairs.vectors
-        equation = self.equation
-        values, rows = rayleigh_ritz(equation, equation.stiffness_by_deformation, pairs.vectors)
-        size = np.maximum(np.abs(values), 1e-300)
-        rounding = np.linalg.norm(rows * equation.rounding_by_deformation(rows), axis=1) / size
-        error = 0.5 * (pairs.error / pairs.values / size + rounding)
+        values, rows, rounding = self._sharpened(pairs.vectors)
+        error = 0.5 * pairs.error / (pairs.values * np.maximum(values, 1e-300)) + rounding
         return _Elastic(values, rows, error, pairs.converged, pairs.steps)
+
+    def _sharpened(self, rows: Float) -> tuple[Float, Float, Float]:
+        """Values and vectors in the span of ``rows``, and what rounding may make of frequencies: by
+        deformation where by differences it would be seen."""
+        equation = self.equation
+        values, rounding = np.zeros(len(rows)), np.zeros(len(rows))
+        rows, seen = rows.copy(), np.ones(len(rows), dtype=bool)
+        for product, forces in (
+            (equation.stiffness_by_differences, equation.rounding_by_differences),
+            (equation.stiffness_by_deformation, equation.rounding_by_deformation),
+        ):
+            values[seen], rows[seen] = rayleigh_ritz(equation, product, rows[seen])
+            size = np.maximum(np.abs(values[seen]), 1e-300)
+            error = np.linalg.norm(rows[seen] * forces(rows[seen]), axis=1)
+            rounding[seen] = 0.5 * error / size
+            seen = rounding > (1.0 - _AIM) * self.options.tolerance
+            if not seen.any():
+                break
+        return values, rows, rounding
 
     def up_to(self, value: float, found: _Elastic) -> _Elastic:
         """All with lambda up to a ``value``, and some beyond, beginning with what was found."""
