@@ -123,7 +123,8 @@ class _Acceleration(_Amplitude):
     """Of a harmonic motion over frequency in Hz."""
 
     def at(self, time: Float | float) -> Float:
-        return -super().at(time) / (2.0 * np.pi * np.asarray(time)) ** 2
+        square = (2.0 * np.pi * np.asarray(time)) ** 2
+        return -super().at(time) / np.where(square > 0.0, square, np.inf)
 
 
 class Amplitudes:

@@ -14,9 +14,9 @@ from gpusim.deck.increments import Increments
 from gpusim.deck.modal_dynamics import ModalDynamics
 from gpusim.deck.procedures import MASS, Procedure, Reached
 from gpusim.deck.step import Step
-from gpusim.fem import History, Rayleigh, Solution
+from gpusim.fem import Solution
 from gpusim.fem.linear.solve_plan import Clock, Options
-from gpusim.fem.model.history import State
+from gpusim.fem.model.history import History, State
 from gpusim.fem.model.record import Record
 from gpusim.fem.procedures.initial_value_problem import InitialValueProblem
 from gpusim.fem.procedures.nonlinear_motion import NonlinearMotion
@@ -69,7 +69,9 @@ class Dynamics:
         model = deck.model_of(step.motion.cases)
         scheme = Scheme(0.0, -self.alpha, 0.25 * (1.0 - self.alpha) ** 2, 0.5 - self.alpha)
         share = (1.0 + self.alpha) * scheme.beta * (_FIRST * self.increments.first) ** 2
-        problem = InitialValueProblem(model, deck.formulation, MASS, factors, u, v, share)
+        # CalculiX integrates the mass of C3D20R by all points here, that of others as for modes
+        rule = "exact" if deck.formulation.get("hex20") == "reduced" else MASS
+        problem = InitialValueProblem(model, deck.formulation, rule, factors, u, v, share)
         options = Options(
             "auto", None, "numpy", reached.tolerance, None, None, None, deck.formulation, Clock()
         )

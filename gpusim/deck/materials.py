@@ -173,7 +173,7 @@ class Sections:
             )
         deflects |= any(isinstance(one, J2 | IsochoricNeoHookean) for one in materials)
         if deflects:
-            materials = [_at_finite_strain(one) for one in materials]
+            materials = [at_finite_strain(one) for one in materials]
         if len(losses) > 1:
             *_, card = losses.values()
             card.fail(f"materials of different STRUCTURAL damping; got {[*losses]}; expected one")
@@ -278,7 +278,7 @@ class Sections:
         self.orientations.define(name, frame.axes, card.where())
 
 
-def _at_finite_strain(material: Material) -> Material:
+def at_finite_strain(material: Material) -> Material:
     """As CalculiX has linear elasticity with NLGEOM: on Green-Lagrange strain."""
     if isinstance(material, Isotropic):
         return SaintVenantKirchhoff(material.E, material.nu, material.density, material.expansion)

@@ -19,7 +19,6 @@ from gpusim.deck.step import Step
 from gpusim.errors import InputError
 from gpusim.fem import (
     HarmonicResponse,
-    History,
     ModalDamping,
     Modes,
     Rayleigh,
@@ -30,6 +29,7 @@ from gpusim.fem import (
 )
 from gpusim.fem.model.damping import Damping
 from gpusim.fem.model.dead_loads import with_dead_loads
+from gpusim.fem.model.history import History
 from gpusim.fem.model.record import Record
 from gpusim.fem.procedures.modal_superposition import ModalCoordinates, ModalResponse, Oscillators
 from gpusim.fem.procedures.transient import superposed

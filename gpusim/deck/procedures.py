@@ -10,15 +10,17 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 import numpy as np
 
 from gpusim.deck.increments import Increments
+from gpusim.deck.materials import at_finite_strain
 from gpusim.deck.step import Step
-from gpusim.fem import Buckling, HarmonicResponse, History, Modes, Solution, buckling, modes
+from gpusim.fem import HarmonicResponse, Modes, Solution, modes
+from gpusim.fem.model.history import History
 from gpusim.mesh.formats.abaqus.cards import Card, number, whole
 from gpusim.validation import require
 
 if TYPE_CHECKING:
     from gpusim.deck.deck import Deck
 
-Result = Solution | Modes | Buckling | History | HarmonicResponse
+Result = Solution | Modes | History | HarmonicResponse
 """Of a step."""
 
 # what `Modes` have of each mode
@@ -44,9 +46,18 @@ class Reached:
         return [one for one in self.before if isinstance(one, Modes)][-1]
 
     def equilibrium(self, step: Step) -> Solution | None:
-        """About which a step is a perturbation."""
-        found = [one for one in self.before if isinstance(one, Solution)]
-        return found[-1] if step.perturbation else None
+        """About which a step is a perturbation: the last one, where large displacements would have
+        come to be if it is linear."""
+        if not step.perturbation:
+            return None
+        last = [one for one in self.before if isinstance(one, Solution)][-1]
+        if self.deck.nonlinear:
+            return last
+        (state,) = (one for one in self.deck.steps if self.static.get(one.number) is last)
+        warm = None if state.temperature is None else state.temperature[None]
+        materials = [at_finite_strain(one) for one in self.deck.materials]
+        model = replace(self.deck.model_of([state]), materials=materials, temperature=warm)
+        return replace(last, model=model)
 
 
 class Procedure(Protocol):
@@ -114,26 +125,6 @@ class Frequency:
         inside = (at >= self.least) & (at <= self.greatest)
         chosen = {name: getattr(found, name)[inside] for name in _OF_MODES}
         return replace(found, **chosen, rigid=found.rigid[: int(inside[: len(found.rigid)].sum())])
-
-
-@dataclass(frozen=True)
-class LinearBuckling:
-    """*BUCKLE: the ``count`` lowest factors of the step's loads."""
-
-    moves, fresh, about = False, True, False
-    increments: ClassVar[Increments] = Increments(period=0.0)
-    count: int
-
-    @classmethod
-    def read(cls, card: Card, step: Card) -> LinearBuckling:
-        return cls(_count(card, values(card, 4)))
-
-    def unfit(self, before: Sequence[Procedure]) -> str:
-        return ""
-
-    def solve(self, step: Step, reached: Reached) -> Buckling:
-        deck = reached.deck
-        return buckling(deck.model_of([step]), self.count, formulation=deck.formulation)
 
 
 def values(card: Card, count: int) -> list[float]:

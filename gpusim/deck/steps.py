@@ -17,7 +17,7 @@ from gpusim.deck.increments import Increments, merged
 from gpusim.deck.initial_state import InitialMotion, InitialStress, temperature_forces
 from gpusim.deck.materials import Body
 from gpusim.deck.modal_dynamics import ModalDynamics, SteadyState, read_modal_damping
-from gpusim.deck.procedures import Frequency, LinearBuckling, Procedure, Static
+from gpusim.deck.procedures import Frequency, Procedure, Static
 from gpusim.deck.step import Motion, Step
 from gpusim.fem import FollowerPressure
 from gpusim.fem.model.constraints import touched
@@ -38,7 +38,6 @@ class _Open:
 _PROCEDURES: dict[str, Callable[[Card, Card], Procedure]] = {
     "STATIC": Static.read,
     "FREQUENCY": Frequency.read,
-    "BUCKLE": LinearBuckling.read,
     "MODALDYNAMIC": ModalDynamics.read,
     "STEADYSTATEDYNAMICS": SteadyState.read,
     "DYNAMIC": Dynamics.read,
@@ -222,8 +221,8 @@ class History:
         require(not turned, f"{where}: supports", "some in turned axes", "none with *TRANSFORM")
         scale = self.amplitudes.scale(card, self._interval(step.procedure))
         if kind == "ACCELERATION":
-            harmonic = isinstance(step.procedure, SteadyState)
-            require(harmonic, f"{where}: TYPE", kind, "DISPLACEMENT but in steady states")
+            swept = isinstance(step.procedure, SteadyState) and step.procedure.least > 0.0
+            require(swept, f"{where}: TYPE", kind, "DISPLACEMENT but in steady states above 0 Hz")
             scale = self.amplitudes.integrated(scale)
         if card.keyword not in step.seen:
             self.constraints.given.clear()
