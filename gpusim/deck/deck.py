@@ -123,7 +123,9 @@ class Deck:
         if self.nonlinear and waiting:
             path = LoadPath(waiting)
             whole = solved(self.model_of(path.states), geometry="nonlinear", factors=path.factors)
-            found = {one.number: own for one, own in zip(waiting, path.solutions(whole), strict=True)}
+            found = {
+                one.number: own for one, own in zip(waiting, path.solutions(whole), strict=True)
+            }
             waiting = []
         while waiting:
             first = waiting[0]

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import ClassVar
 
 import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.deck.increments import Increments
-from gpusim.deck.modal_dynamics import ModalDynamics
-from gpusim.deck.procedures import MASS, Procedure, Reached
+from gpusim.deck.procedures import MASS, Procedure, Reached, Static
 from gpusim.deck.step import Step
 from gpusim.fem import Solution
 from gpusim.fem.linear.solve_plan import Clock, Options
@@ -32,13 +30,10 @@ _FIRST = 0.1
 
 
 @dataclass(frozen=True)
-class Dynamics:
+class Dynamics(Procedure):
     """*DYNAMIC: step by step, with the parameter ``alpha``, -1/3 to 0."""
 
-    moves: ClassVar[bool] = True
-    fresh: ClassVar[bool] = False
-    about: ClassVar[bool] = False
-    increments: Increments
+    moves = True
     alpha: float
 
     @classmethod
@@ -50,10 +45,12 @@ class Dynamics:
         require(fits, f"{card.where()}: ALPHA", f"{alpha:g}", "-1/3 to 0")
         return cls(increments, alpha)
 
-    def unfit(self, before: Sequence[Procedure]) -> str:
-        """After modal superposition, whose state isn't a whole one."""
-        other = any(isinstance(one, ModalDynamics) for one in before)
-        return "*DYNAMIC after *MODAL DYNAMIC; expected it before" * other
+    def unfit(self, before: Sequence[Step], perturbation: bool) -> str:
+        """After a state that isn't whole, or gone."""
+        other = any(not isinstance(one.procedure, Static | Dynamics) for one in before)
+        if other or perturbation:
+            return "PERTURBATION, or steps before that aren't *STATIC or *DYNAMIC; expected neither"
+        return ""
 
     def solve(self, step: Step, reached: Reached) -> History:
         """From where the steps before have left the body, or as it is at the beginning."""

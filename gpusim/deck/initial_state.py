@@ -90,7 +90,9 @@ class InitialMotion:
             nodes, axis = self.body.content.node_rows(row[0], where), whole(row[1], where)
             require(1 <= axis <= 3, f"{where}: degree of freedom", axis, "1, 2 or 3")
             own = not np.isin(nodes, [*turned]).any()
-            require(own, f"{where}: nodes", "some with *TRANSFORM", "nodes without axes of their own")
+            require(
+                own, f"{where}: nodes", "some with *TRANSFORM", "nodes without axes of their own"
+            )
             values[nodes, axis - 1] = number(row[2], where)
             self.where = where
 

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.deck.increments import Increments
-from gpusim.deck.procedures import MASS, Frequency, Procedure, Reached, values
+from gpusim.deck.procedures import MASS, NONE, Frequency, Procedure, Reached, values
 from gpusim.deck.step import Step
 from gpusim.errors import InputError
 from gpusim.fem import (
@@ -63,29 +62,33 @@ def read_modal_damping(card: Card) -> Damping:
     return ModalDamping([*ratios, 0.0])
 
 
-def without_modes(before: Sequence[Procedure]) -> str:
-    """What is wrong where nobody has asked for modes."""
-    known = any(isinstance(one, Frequency) for one in before)
-    return "" if known else "no modes; expected a step with *FREQUENCY before it"
+class Superposition(Procedure):
+    """Of the modes of the *FREQUENCY before."""
+
+    moves = True
+
+    def unfit(self, before: Sequence[Step], perturbation: bool) -> str:
+        """Without modes, or about another state than theirs."""
+        of = self.superposes(before)
+        if of is None:
+            return "no modes; expected a step with *FREQUENCY before it"
+        same = of.perturbation == perturbation
+        return "" if same else "expected PERTURBATION where *FREQUENCY has it, and only there"
+
+    def superposes(self, before: Sequence[Step]) -> Step | None:
+        """The last step with modes."""
+        found = [one for one in before if isinstance(one.procedure, Frequency)]
+        return found[-1] if found else None
 
 
 @dataclass(frozen=True)
-class ModalDynamics:
+class ModalDynamics(Superposition):
     """*MODAL DYNAMIC: loads go straight from the end of an increment to that of the next."""
-
-    moves: ClassVar[bool] = True
-    fresh: ClassVar[bool] = False
-    about: ClassVar[bool] = False
-    increments: Increments
 
     @classmethod
     def read(cls, card: Card, step: Card) -> ModalDynamics:
         """Of the cards of a step. Raises InputError."""
         return cls(replace(Increments.read(card, step), equal=True, at_once=True))
-
-    def unfit(self, before: Sequence[Procedure]) -> str:
-        """Without modes."""
-        return without_modes(before)
 
     def solve(self, step: Step, reached: Reached) -> History:
         """From where the step just before has left the body; *FREQUENCY has it rest."""
@@ -115,15 +118,12 @@ class ModalDynamics:
 
 
 @dataclass(frozen=True)
-class SteadyState:
+class SteadyState(Superposition):
     """*STEADY STATE DYNAMICS: harmonic motion at frequencies from ``least`` to ``greatest`` Hz:
     natural ones, and from one of them to the next so many ``points``, the denser near these the
     greater the ``bias``."""
 
-    moves: ClassVar[bool] = True
-    fresh: ClassVar[bool] = True
-    about: ClassVar[bool] = False
-    increments: ClassVar[Increments] = Increments(period=0.0)
+    fresh = True
     least: float
     greatest: float
     points: int
@@ -135,11 +135,8 @@ class SteadyState:
         least, greatest, points, bias = values(card, 4)
         got, fits = f"{least:g} to {greatest:g}", 0.0 <= least <= greatest and greatest > 0.0
         require(fits, f"{card.where()}: band", got, "two frequencies >= 0 that grow")
-        return cls(least, greatest, max(int(points), 2) if points else _POINTS, max(bias, 1.0) if bias else _BIAS)
-
-    def unfit(self, before: Sequence[Procedure]) -> str:
-        """Without modes."""
-        return without_modes(before)
+        points = max(int(points), 2) if points else _POINTS
+        return cls(NONE, least, greatest, points, bias if bias >= 1.0 else _BIAS)
 
     def frequencies(self, natural: Float) -> Float:
         """At which the response is looked for."""

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
-
-import numpy as np
+from typing import TYPE_CHECKING, ClassVar
 
 from gpusim.deck.increments import Increments
 from gpusim.deck.materials import at_finite_strain
 from gpusim.deck.step import Step
 from gpusim.fem import HarmonicResponse, Modes, Solution, modes
 from gpusim.fem.model.history import History
-from gpusim.mesh.formats.abaqus.cards import Card, number, whole
+from gpusim.mesh.formats.abaqus.cards import Card, number
 from gpusim.validation import require
 
 if TYPE_CHECKING:
@@ -22,18 +21,19 @@ if TYPE_CHECKING:
 
 Result = Solution | Modes | History | HarmonicResponse
 """Of a step."""
+MASS = "calculix"
+"""The rule by which elements of decks have their mass."""
+
+NONE = Increments(period=0.0)
 
 # what `Modes` have of each mode
 _OF_MODES = ("frequencies", "shapes", "participation", "effective_mass", "error_estimate")
 
-MASS = "calculix"
-"""The rule by which elements of decks have their mass."""
-
 
 @dataclass(frozen=True, eq=False)
 class Reached:
-    """What is known when a step's turn comes: the solutions of all ``static`` steps by number, the
-    results of the steps ``before``."""
+    """What is known when a step's turn comes: the solutions of all ``static`` steps by number, and
+    the results of the steps ``before``."""
 
     deck: Deck
     static: Mapping[int, Solution]
@@ -50,81 +50,96 @@ class Reached:
         come to be if it is linear."""
         if not step.perturbation:
             return None
-        last = [one for one in self.before if isinstance(one, Solution)][-1]
+        state = last_static(self.deck.steps[: step.number])
+        assert state is not None
+        found = self.static[state.number]
         if self.deck.nonlinear:
-            return last
-        (state,) = (one for one in self.deck.steps if self.static.get(one.number) is last)
+            return found
         warm = None if state.temperature is None else state.temperature[None]
         materials = [at_finite_strain(one) for one in self.deck.materials]
         model = replace(self.deck.model_of([state]), materials=materials, temperature=warm)
-        return replace(last, model=model)
-
-
-class Procedure(Protocol):
-    """``moves``: its loads are there from the beginning on. ``fresh``: it has no loads but its own.
-    ``about``: it may be a perturbation about the state of a static step."""
-
-    moves: ClassVar[bool]
-    fresh: ClassVar[bool]
-    about: ClassVar[bool]
-
-    @property
-    def increments(self) -> Increments: ...
-
-    def unfit(self, before: Sequence[Procedure]) -> str:
-        """What is missing ``before`` it, if anything."""
-
-    def solve(self, step: Step, reached: Reached) -> Result: ...
+        return replace(found, model=model)
 
 
 @dataclass(frozen=True)
-class Static:
-    """*STATIC."""
+class Procedure(ABC):
+    """What ``increments`` of time a step has, and what it does in them. In one that ``moves`` loads
+    are there from the beginning on; a ``fresh`` one has no loads but its own."""
 
-    moves = fresh = about = False
+    moves: ClassVar[bool] = False
+    fresh: ClassVar[bool] = False
     increments: Increments
+
+    @abstractmethod
+    def unfit(self, before: Sequence[Step], perturbation: bool) -> str:
+        """What speaks against it after the steps ``before``, if anything."""
+
+    def superposes(self, before: Sequence[Step]) -> Step | None:
+        """The step whose modes it superposes."""
+        return None
+
+    @abstractmethod
+    def solve(self, step: Step, reached: Reached) -> Result:
+        """The result of a step."""
+
+
+@dataclass(frozen=True)
+class Static(Procedure):
+    """*STATIC."""
 
     @classmethod
     def read(cls, card: Card, step: Card) -> Static:
+        """Of the cards of a step. Raises InputError."""
         return cls(Increments.read(card, step))
 
-    def unfit(self, before: Sequence[Procedure]) -> str:
-        moved = any(one.moves for one in before)
-        return "a step in which the body moves before it; expected static steps first" * moved
+    def unfit(self, before: Sequence[Step], perturbation: bool) -> str:
+        """About a first step, a perturbation means that step's stress stiffness in CalculiX, and
+        its loads don't act: the first step of a linear analysis has neither."""
+        if any(one.procedure.moves for one in before):
+            return "*STATIC after a step in which the body moves; expected it before"
+        about = perturbation and len(before) > 0
+        return "PERTURBATION about an earlier step; expected it in the first one" * about
 
     def solve(self, step: Step, reached: Reached) -> Solution:
+        """All of them are solved together."""
         return reached.static[step.number]
 
 
 @dataclass(frozen=True)
-class Frequency:
+class Frequency(Procedure):
     """*FREQUENCY: the ``count`` lowest natural frequencies, those of them from ``least`` to
     ``greatest`` Hz."""
 
-    moves, fresh, about = False, False, True
-    increments: ClassVar[Increments] = Increments(period=0.0)
     count: int
     least: float
     greatest: float
 
     @classmethod
     def read(cls, card: Card, step: Card) -> Frequency:
-        given = values(card, 3)
-        return cls(_count(card, given), given[1], given[2] or inf)
+        """Of the cards of a step. Raises InputError."""
+        count, least, greatest = values(card, 3)
+        return cls(NONE, whole_number(card, count), least, greatest or inf)
 
-    def unfit(self, before: Sequence[Procedure]) -> str:
-        return ""
+    def unfit(self, before: Sequence[Step], perturbation: bool) -> str:
+        """A perturbation of nothing."""
+        alone = perturbation and last_static(before) is None
+        return "PERTURBATION about no step; expected a step with *STATIC before it" * alone
 
     def solve(self, step: Step, reached: Reached) -> Modes:
+        """As in CalculiX those beyond the band are counted, too."""
         deck, about = reached.deck, reached.equilibrium(step)
         model = deck.model_of([step]) if about is None else about.model
-        found = modes(
-            model, self.count, mass=MASS, formulation=deck.formulation, prestress=about
-        )
+        found = modes(model, self.count, mass=MASS, formulation=deck.formulation, prestress=about)
         at = found.frequencies
         inside = (at >= self.least) & (at <= self.greatest)
         chosen = {name: getattr(found, name)[inside] for name in _OF_MODES}
-        return replace(found, **chosen, rigid=found.rigid[: int(inside[: len(found.rigid)].sum())])
+        return replace(found, **chosen, rigid=found.rigid[: inside[: len(found.rigid)].sum()])
+
+
+def last_static(steps: Sequence[Step]) -> Step | None:
+    """The last step with *STATIC."""
+    found = [one for one in steps if isinstance(one.procedure, Static)]
+    return found[-1] if found else None
 
 
 def values(card: Card, count: int) -> list[float]:
@@ -137,7 +152,8 @@ def values(card: Card, count: int) -> list[float]:
     return [0.0] * count
 
 
-def _count(card: Card, given: Sequence[float]) -> int:
-    fits = given[0] >= 1.0 and given[0] % 1.0 == 0.0
-    require(fits, f"{card.where()}: number of modes", f"{given[0]:g}", "a whole number >= 1")
-    return int(given[0])
+def whole_number(card: Card, given: float) -> int:
+    """How many modes are asked for. Raises InputError."""
+    fits = given >= 1.0 and given % 1.0 == 0.0
+    require(fits, f"{card.where()}: number of modes", f"{given:g}", "a whole number >= 1")
+    return int(given)

@@ -17,7 +17,7 @@ from gpusim.deck.increments import Increments, merged
 from gpusim.deck.initial_state import InitialMotion, InitialStress, temperature_forces
 from gpusim.deck.materials import Body
 from gpusim.deck.modal_dynamics import ModalDynamics, SteadyState, read_modal_damping
-from gpusim.deck.procedures import Frequency, Procedure, Static
+from gpusim.deck.procedures import Frequency, Procedure, Static, last_static
 from gpusim.deck.step import Motion, Step
 from gpusim.fem import FollowerPressure
 from gpusim.fem.model.constraints import touched
@@ -32,6 +32,7 @@ class _Open:
 
     card: Card
     procedure: Procedure | None = None
+    perturbation: bool = False
     seen: set[str] = field(default_factory=set)
 
 
@@ -178,29 +179,24 @@ class History:
     def _procedure(self, card: Card) -> None:
         step = self._inside(card)
         step.procedure = procedure = _PROCEDURES[card.keyword](card, step.card)
-        if "PERTURBATION" in step.card.parameters and not (
-            self._static_before() if procedure.about else not (self.steps or self.body.nonlinear)
-        ):
-            # about a first step, a perturbation means that step's stress stiffness in CalculiX,
-            # and its loads don't act: the first step of a linear analysis has neither
-            step.card.fail("PERTURBATION about an earlier step, or of a nonlinear deck; expected "
-                           "it in the first one of a linear deck, or with *FREQUENCY after "
-                           "*STATIC")  # fmt: skip
-        missing = procedure.unfit([one.procedure for one in self.steps])
-        if missing:
-            card.fail(missing)
+        step.perturbation = "PERTURBATION" in step.card.parameters
+        problem = procedure.unfit(self.steps, step.perturbation)
+        if step.perturbation and self.body.nonlinear and not self.steps:
+            problem = "PERTURBATION in the first step of a nonlinear deck; expected it later"
         if self.motion.where and not (self.steps or isinstance(procedure, Dynamics)):
-            card.fail(f"displacements or velocities at the beginning ({self.motion.where}); "
-                      "expected *DYNAMIC in the first step")  # fmt: skip
-        if procedure.fresh:
+            problem = (f"displacements or velocities at the beginning ({self.motion.where}); "
+                       "expected *DYNAMIC in the first step")  # fmt: skip
+        if problem:
+            card.fail(problem)
+        # what a state is stressed by isn't there again for perturbations of it
+        again = any(one.perturbation and one.procedure.moves for one in self.steps)
+        if procedure.fresh or (step.perturbation and procedure.moves and not again):
             self.forces.clear()
             self.quadrature.clear()
             if self.temperature is not None:
                 self.temperature.clear()
-
-    def _static_before(self) -> Step | None:
-        found = [one for one in self.steps if isinstance(one.procedure, Static)]
-        return found[-1] if found else None
+            if step.perturbation:
+                self.constraints.given.clear()
 
     def _modal_damping(self, card: Card) -> None:
         self._inside(card)
@@ -239,7 +235,9 @@ class History:
         self.time += procedure.increments.period
         on_the_way = self._on_the_way(procedure, interval)
         *path, state = (
-            replace(self._state(step, self._moment(procedure, interval, time), self.forces), time=time)
+            replace(
+                self._state(step, self._moment(procedure, interval, time), self.forces), time=time
+            )
             for time in (*on_the_way, self.time)
         )
         motion = self._motion(step, interval) if procedure.moves else None
@@ -251,11 +249,11 @@ class History:
                     "before; expected the same in all steps of a nonlinear deck (*BOUNDARY and "
                     "*EQUATION before the first step, with other values inside of steps)"
                 )
-        about = self._static_before()
-        perturbation = procedure.about and "PERTURBATION" in step.card.parameters
-        if perturbation and about is not None and not state.held_as(about):
-            step.card.fail("PERTURBATION with other supports than the step before it; expected "
-                           "the same")  # fmt: skip
+        about = last_static(self.steps) if step.perturbation else None
+        for other in (about, procedure.superposes(self.steps)):
+            if other is not None and not state.held_as(other):
+                step.card.fail(f"other supports than in step {other.number}, about which it is, or "
+                               "whose modes it superposes; expected the same")  # fmt: skip
         increments, wanted = procedure.increments, np.array([self.time])
         stepped = self.body.has_history or (self.body.nonlinear and increments.equal)
         if stepped or procedure.moves:
@@ -269,7 +267,7 @@ class History:
                 increments=wanted,
                 motion=motion,
                 damping=self.damping,
-                perturbation=perturbation,
+                perturbation=step.perturbation,
             )
         )
         moment = Moment(self.amplitudes.factors(self.time))
@@ -310,9 +308,7 @@ class History:
         share = 1.0 if ended else (time - interval.begin) / interval.period
         return Moment(self.amplitudes.factors(time), share)
 
-    def _state(
-        self, step: _Open, moment: Moment, own: Forces, *, alone: bool = False
-    ) -> Step:
+    def _state(self, step: _Open, moment: Moment, own: Forces, *, alone: bool = False) -> Step:
         """What acts at a moment of a step: forces, and unless they are looked at ``alone`` all
         else."""
         assert step.procedure is not None

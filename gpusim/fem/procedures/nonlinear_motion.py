@@ -114,8 +114,11 @@ class NonlinearMotion:
         """(N,3) acceleration by ``force`` at ``u``, where stiffness slows it."""
         equation, push = self.equation, force[None] / self._problem.onset
         equation.shift = replace(self._mass, factor=1.0 / self._problem.onset)
-        tangent, solver = equation.linearised(u, self._factors(time)), TangentSolver(equation, self._options)
-        return solver.correction(tangent, push, np.zeros_like(push), self._options.tolerance).du
+        equation.forces, equation.origin = np.zeros_like(u), u
+        tangent = equation.linearised(u, self._factors(time))
+        solver = TangentSolver(equation, self._options)
+        found = solver.correction(tangent, push, np.zeros_like(push), self._options.tolerance)
+        return found.du[0]
 
     def advance(self, state: State, step: float) -> State:
         """One equilibrium, from the last state."""
