@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 from gpusim.deck.increments import Increments
 from gpusim.deck.materials import at_finite_strain
 from gpusim.deck.step import Step
-from gpusim.fem import HarmonicResponse, Modes, Solution, modes
+from gpusim.fem import Buckling, HarmonicResponse, Modes, Solution, buckling, modes
 from gpusim.fem.model.history import History
 from gpusim.mesh.formats.abaqus.cards import Card, number
 from gpusim.validation import require
@@ -19,7 +19,7 @@ from gpusim.validation import require
 if TYPE_CHECKING:
     from gpusim.deck.deck import Deck
 
-Result = Solution | Modes | History | HarmonicResponse
+Result = Solution | Modes | Buckling | History | HarmonicResponse
 """Of a step."""
 MASS = "calculix"
 """The rule by which elements of decks have their mass."""
@@ -134,6 +134,30 @@ class Frequency(Procedure):
         inside = (at >= self.least) & (at <= self.greatest)
         chosen = {name: getattr(found, name)[inside] for name in _OF_MODES}
         return replace(found, **chosen, rigid=found.rigid[: inside[: len(found.rigid)].sum()])
+
+
+@dataclass(frozen=True)
+class LinearBuckling(Procedure):
+    """*BUCKLE: the ``count`` lowest factors of the step's loads."""
+
+    fresh: ClassVar[bool] = True
+    count: int
+
+    @classmethod
+    def read(cls, card: Card, step: Card) -> LinearBuckling:
+        """Of the cards of a step. Raises InputError."""
+        count, *_ = values(card, 4)
+        return cls(NONE, whole_number(card, count))
+
+    def unfit(self, before: Sequence[Step], perturbation: bool) -> str:
+        """About a stressed state."""
+        about = perturbation and len(before) > 0
+        return "PERTURBATION with *BUCKLE; expected all loads in the step itself" * about
+
+    def solve(self, step: Step, reached: Reached) -> Buckling:
+        """By linear theory."""
+        deck = reached.deck
+        return buckling(deck.model_of([step]), self.count, formulation=deck.formulation)
 
 
 def last_static(steps: Sequence[Step]) -> Step | None:

@@ -11,13 +11,13 @@ import numpy as np
 from gpusim.arrays.array_types import Float, Long
 from gpusim.deck.amplitudes import Amplitudes, Interval, Moment, Ramped, Scale
 from gpusim.deck.constraints import Axes, Constraints, read_tie
-from gpusim.deck.forces import Forces, following_pressures, pressure_forces
 from gpusim.deck.dynamics import Dynamics
+from gpusim.deck.forces import Forces, following_pressures, pressure_forces
 from gpusim.deck.increments import Increments, merged
 from gpusim.deck.initial_state import InitialMotion, InitialStress, temperature_forces
 from gpusim.deck.materials import Body
 from gpusim.deck.modal_dynamics import ModalDynamics, SteadyState, read_modal_damping
-from gpusim.deck.procedures import Frequency, Procedure, Static, last_static
+from gpusim.deck.procedures import Frequency, LinearBuckling, Procedure, Static, last_static
 from gpusim.deck.step import Motion, Step
 from gpusim.fem import FollowerPressure
 from gpusim.fem.model.constraints import touched
@@ -39,6 +39,7 @@ class _Open:
 _PROCEDURES: dict[str, Callable[[Card, Card], Procedure]] = {
     "STATIC": Static.read,
     "FREQUENCY": Frequency.read,
+    "BUCKLE": LinearBuckling.read,
     "MODALDYNAMIC": ModalDynamics.read,
     "STEADYSTATEDYNAMICS": SteadyState.read,
     "DYNAMIC": Dynamics.read,
@@ -282,8 +283,8 @@ class History:
         for moment, course in self.amplitudes.courses():
             # superposition forgets what followed the time of an earlier step, as CalculiX does
             kept = course.step in (0, interval.number) or isinstance(step.procedure, Dynamics)
-            for number, forces in enumerate((self.forces, self.quadrature)):
-                case = self._state(step, moment, forces, alone=number > 0)
+            for ahead, forces in ((False, self.forces), (True, self.quadrature)):
+                case = self._state(step, moment, forces, alone=ahead)
                 if kept and not case.idle:
                     cases.append(case)
                     courses.append(course)
