@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float
-from gpusim.deck.amplitudes import Course
+from gpusim.deck.amplitudes import Amplitude
 from gpusim.fem import Equations, FollowerPressure
 from gpusim.fem.model.damping import Damping
 from gpusim.field_summary import field_summary
@@ -83,7 +83,7 @@ class Motion:
 
     begin: float
     cases: Sequence[Step]
-    courses: Sequence[Course]
+    courses: Sequence[Amplitude]
     quadrature: Sequence[bool]
 
     def factors(self, at: Float) -> Float:

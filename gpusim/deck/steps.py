@@ -279,20 +279,15 @@ class History:
 
     def _motion(self, step: _Open, interval: Interval) -> Motion:
         """What acts in it, sorted by what it follows."""
-        cases, courses, ahead = [], [], []
-        for moment, course in self.amplitudes.courses():
+        acting = [
+            (self._state(step, moment, forces, alone=ahead), course, ahead)
+            for moment, course in self.amplitudes.courses()
             # superposition forgets what followed the time of an earlier step, as CalculiX does
-            kept = course.step in (0, interval.number) or isinstance(step.procedure, Dynamics)
-            for ahead, forces in ((False, self.forces), (True, self.quadrature)):
-                case = self._state(step, moment, forces, alone=ahead)
-                if kept and not case.idle:
-                    cases.append(case)
-                    courses.append(course)
-                    ahead.append(number > 0)
-        if not cases:
-            moment, course = self.amplitudes.courses()[0]
-            cases, courses, ahead = [self._state(step, moment, self.forces)], [course], [False]
-        return Motion(interval.begin, cases, courses, ahead)
+            if course.step in (0, interval.number) or isinstance(step.procedure, Dynamics)
+            for ahead, forces in ((False, self.forces), (True, self.quadrature))
+        ]
+        acting = [one for one in acting if not one[0].idle] or acting[:1]
+        return Motion(interval.begin, *zip(*acting, strict=True))
 
     def _on_the_way(self, procedure: Procedure, interval: Interval) -> Float:
         """Total times between which the loads of a nonlinear step go straight."""
