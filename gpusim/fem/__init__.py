@@ -34,6 +34,7 @@ from gpusim.fem.materials.saint_venant_kirchhoff import SaintVenantKirchhoff
 from gpusim.fem.model.constraints import Equations, equations, tie
 from gpusim.fem.model.damping import ModalDamping, Rayleigh, StructuralDamping
 from gpusim.fem.model.follower_loads import FollowerPressure
+from gpusim.fem.model.history import EnergyHistory, History
 from gpusim.fem.model.loads import (
     body_force,
     centrifugal,
@@ -46,19 +47,23 @@ from gpusim.fem.model.loads import (
 from gpusim.fem.model.mass import lumped_mass, mass_matrix
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.modes import Modes
+from gpusim.fem.model.record import Record, read_record
 from gpusim.fem.model.solution import LoadStep, Solution
 from gpusim.fem.model.supports import symmetry
 from gpusim.fem.model.thermal_loads import thermal
 from gpusim.fem.procedures.modes import modes
 from gpusim.fem.procedures.statics import solve
+from gpusim.fem.procedures.transient import transient
 from gpusim.fem.recovery.stress import Stress, principal, stress, von_mises
 
 __all__ = [
     "J2",
     "METHODS",
+    "EnergyHistory",
     "Equations",
     "FollowerPressure",
     "Hencky",
+    "History",
     "IsochoricNeoHookean",
     "Isotropic",
     "Law",
@@ -70,6 +75,7 @@ __all__ = [
     "NeoHookean",
     "Orthotropic",
     "Rayleigh",
+    "Record",
     "SaintVenantKirchhoff",
     "Solution",
     "Stress",
@@ -87,12 +93,14 @@ __all__ = [
     "nodal_force",
     "pressure",
     "principal",
+    "read_record",
     "solve",
     "stress",
     "symmetry",
     "thermal",
     "tie",
     "traction",
+    "transient",
     "von_mises",
 ]
 

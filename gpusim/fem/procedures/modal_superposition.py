@@ -115,10 +115,13 @@ def _carried(step: Float, begin: Float) -> tuple[Float, Float, Float]:
 
 
 @dataclass(frozen=True, eq=False)
-class ModalResponse:
-    """Of a body: ``modes``, and corrections beside them, with ``stiffness`` (K,K), that follow the
-    ``factors`` of the loads: of static answers what modes lack. ``shapes`` (n + K,N,3) are those of
-    both. ``lacking``: the shares of energies that modes lack, by name."""
+class ModalMotion:
+    """A body's motion, exact at any instant: ``shapes`` (n + K,N,3) by their amplitudes.
+
+    The first are ``modes``. The others are corrections, one a load case: of its static answer what
+    modes lack. They follow the ``factors`` of the loads, and have ``stiffness`` (K,K). ``lacking``:
+    the shares of energies that modes lack, by name.
+    """
 
     shapes: Float
     modes: ModalCoordinates
@@ -126,24 +129,17 @@ class ModalResponse:
     stiffness: Float
     lacking: dict[str, float]
 
-    def __call__(self, times: Float) -> tuple[Float, Float, Float]:
-        """Amplitudes of modes and corrections, rates and accelerations (m,n + K)."""
-        return self.amplitudes(times, self.modes.at(times))
+    def at(self, time: float) -> tuple[Float, Float]:
+        """Displacement and velocity (N,3)."""
+        amplitude, rate, *_ = self.coordinates(np.array([time]))
+        u, v = np.tensordot(np.concatenate([amplitude, rate]), self.shapes, axes=1)
+        return u, v
 
-    def amplitudes(self, times: Float, states: ModalStates) -> tuple[Float, Float, Float]:
-        """The same from ``states`` at ``times``; corrections are accelerated where loads bend
-        alone."""
-        slope = self.factors.slope(times)
-        return (
-            np.hstack([states.amplitude, self.factors.at(times)]),
-            np.hstack([states.rate, slope]),
-            np.hstack([states.acceleration, np.zeros_like(slope)]),
-        )
-
-    def energies(self, times: Float, states: ModalStates) -> tuple[Float, ...]:
-        """Fields of an `EnergyHistory` from ``states`` at ``times``; damping has dissipated what is
-        missing."""
-        own, factors = self.modes.oscillators, self.factors.at(times)
+    def coordinates(self, times: Float) -> tuple[Float, Float, Float, Float]:
+        """Amplitudes at ``times`` (m,), rates and accelerations (m,n + K), and energies (4,m), the
+        fields of an `EnergyHistory`: damping has dissipated what is missing. Corrections have no
+        inertia."""
+        states, own, factors = self.modes.at(times), self.modes.oscillators, self.factors.at(times)
         kinetic = 0.5 * (states.rate**2).sum(axis=1)
         strain = 0.5 * ((own.angular * states.amplitude) ** 2).sum(axis=1)
         lost = states.work - (kinetic + strain - self.modes.first_energy)
@@ -151,12 +147,18 @@ class ModalResponse:
         added = 0.5 * np.einsum("tk,kl,tl->t", factors, self.stiffness, factors)
         first = self.factors.values[0]
         work = states.work + added - 0.5 * first @ self.stiffness @ first
-        return kinetic, strain + added, work, lost
+        slope = self.factors.slope(times)
+        return (
+            np.hstack([states.amplitude, factors]),
+            np.hstack([states.rate, slope]),
+            np.hstack([states.acceleration, np.zeros_like(slope)]),
+            np.stack([kinetic, strain + added, work, lost]),
+        )
 
 
 def modal_superposition(
     problem: InitialValueProblem, modes: Modes, damping: Damping | None, options: Options
-) -> ModalResponse:
+) -> ModalMotion:
     """Of mass-normalised ``modes``."""
     equation, factors = problem.linear_equation, problem.factors
     forces = problem.forces(equation)
@@ -188,7 +190,7 @@ def modal_superposition(
     ):
         whole = scale * float(np.vdot(state, image))
         lacking[what] = 1.0 - float(own @ own) / whole if whole > 0.0 else 0.0
-    return ModalResponse(shapes, coordinates, factors, stiffness, lacking)
+    return ModalMotion(shapes, coordinates, factors, stiffness, lacking)
 
 
 def _static_corrections(
