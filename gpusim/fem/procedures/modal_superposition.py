@@ -44,16 +44,17 @@ class Oscillators:
         """(m,n,3,5): what the integral of q, q and q' are after times ``tau`` (m,), by what these,
         p and its slope were."""
         lapse, number = np.unique(tau, return_inverse=True)
-        # in a unit of time in which nothing is large
-        rate = np.maximum(1.0 / np.where(lapse > 0.0, lapse, 1.0)[:, None], self.angular)
-        rate = np.maximum(rate, self.damping)
-        system = np.zeros((*rate.shape, 5, 5))
+        angular, damping, t = self.angular, self.damping, lapse[:, None]
+        system = np.zeros((len(lapse), len(angular), 5, 5))
         system[..., [0, 1, 2, 3], [1, 2, 3, 4]] = 1.0
-        system[..., 2, 1] = -((self.angular / rate) ** 2)
-        system[..., 2, 2] = -self.damping / rate
-        power = rate[..., None] ** np.array([-1, 0, 1, 2, 3])
-        grown = expm(system * (rate * lapse[:, None])[..., None, None])[..., :3, :]
-        grown *= power[..., :3, None] / power[..., None, :]
+        system[..., 2, 1], system[..., 2, 2] = -(angular**2), -damping
+        # in units in which nothing grows large: entries of an exponential are as good as its norm
+        length = np.where(t > 0.0, t, 1.0) + np.zeros_like(angular)
+        rate = np.maximum(angular, 1.0 / length)
+        stiff = np.maximum(rate**2, damping / length)
+        unit = np.stack([length, np.ones_like(rate), rate, stiff, stiff / length], axis=-1)
+        ratio = unit[..., :, None] / unit[..., None, :]
+        grown = expm(system / ratio * t[..., None, None])[..., :3, :] * ratio[..., :3, :]
         return np.asarray(grown[number])
 
 
