@@ -55,6 +55,8 @@ _SUBSTEPS = 4
 _INSTANTS, _FRAMES = 1024, 16
 # share of an energy from which on a warning says that modes lack it
 _LACKING = 0.01
+# of the sum of loads over time, that steps may miss
+_MISSED = 0.05
 # of the greatest displacement, in a step, from which on a warning says so
 _WARNED_ERROR = 1e-3
 
@@ -93,8 +95,9 @@ def transient(
     damping : `Rayleigh`, or with "modal" `ModalDamping`.
     initial : None: at rest. A `Solution` that is let go, or displacement and velocity, (N,3) each.
     base : accelerations of the ground, a `Record` (R,3); displacements are relative to it.
-    step : length of steps; None: a quarter of the shortest of ``times``; "adaptive": none is longer
-        than that, nor more than ``tolerance`` of the greatest displacement off.
+    step : length of steps; None: a quarter of the shortest between ``times``, or less where loads
+        ask for it; "adaptive": that at most, and none is more than ``tolerance`` of the greatest
+        displacement off.
     spectral_radius : what "hht" and "generalized-alpha" leave in a step of motions that are much
         too quick for it: 1 all, 0 nothing.
     tolerance : error of the solution of each step, relative.
@@ -132,7 +135,7 @@ def transient(
             fields = _superposed(modal_superposition(problem, found, damping, options), at, file)
         else:
             scheme = Scheme.named(method, spectral_radius)
-            problem.require_fine(first)
+            first = _fine_step(problem, first, is_number(step))
             motion = _motion(problem, scheme, damping, options, geometry)
             error = tolerance * motion.size(at[-1] - at[0]) if step == "adaptive" else np.inf
             fields = _integrated(motion, StepSize(first, error), at, file, progress)
@@ -148,6 +151,19 @@ def _first_step(times: Float, step: float | str | None) -> float:
     fits = 0.0 < length < np.inf
     require(fits, "transient: step", repr(step), "a time above 0, 'adaptive', or None")
     return length
+
+
+def _fine_step(problem: InitialValueProblem, step: float, given: bool) -> float:
+    """One that misses little of the loads. Raises InputError where a ``given`` one misses more."""
+    while (missed := problem.missed(step)) > _MISSED:
+        got = f"{step:.3g}, which misses {missed:.0%} of the loads in between"
+        require(not given, "transient: step, too long", got, f"{_MISSED:.0%} at most")
+        step *= 0.5
+    duration = float(np.ptp(problem.factors.times))
+    require(
+        step <= duration, "transient: step, too long", step, f"at most {duration:.6g}, all of it"
+    )
+    return step
 
 
 def _check_fit(method: str, damping: Damping | None, geometry: str) -> None:
