@@ -9,8 +9,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.deck import Deck
-from gpusim.fem import Buckling, HarmonicResponse, Modes
-from gpusim.fem.model.history import History
+from gpusim.fem import Buckling, HarmonicResponse, History, Modes
 
 Fields = dict[str, Any]
 

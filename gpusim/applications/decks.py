@@ -115,7 +115,8 @@ def solve_deck(
         report["seconds"]["total"] = time.perf_counter() - start
         rows = zip(deck.steps, solutions, files, stresses, strict=False)
         report["steps"] = [
-            _of_step(step, file.name) | (
+            _of_step(step, file.name)
+            | (
                 _step_report(deck, step, result) | _greatest_stress(deck, stress)
                 if isinstance(result, Solution)
                 else summary(result, deck)
@@ -217,7 +218,9 @@ def _write_solutions(
         if stress:
             mean = np.concatenate([points.mean(axis=1) for points in stress.values()])
             of_cell |= {"stress": mean, "von_mises": von_mises(mean)}
-            recovered = result.steps[-1].stress if isinstance(result, Solution) and result.steps else None
+            recovered = (
+                result.steps[-1].stress if isinstance(result, Solution) and result.steps else None
+            )
             if recovered is not None:
                 fields |= recovered.nodal_results
         write_vtu(

@@ -12,10 +12,9 @@ from gpusim.arrays.array_types import Float
 from gpusim.deck.increments import Increments
 from gpusim.deck.procedures import MASS, Procedure, Reached, Static
 from gpusim.deck.step import Step
-from gpusim.fem import Solution
+from gpusim.fem import History, Record, Solution
 from gpusim.fem.linear.solve_plan import Clock, Options
-from gpusim.fem.model.history import History, State
-from gpusim.fem.model.record import Record
+from gpusim.fem.model.history import State
 from gpusim.fem.procedures.initial_value_problem import InitialValueProblem
 from gpusim.fem.procedures.nonlinear_motion import NonlinearMotion
 from gpusim.fem.procedures.time_integration import LinearMotion, Motion, Scheme

@@ -18,9 +18,11 @@ from gpusim.deck.step import Step
 from gpusim.errors import InputError
 from gpusim.fem import (
     HarmonicResponse,
+    History,
     ModalDamping,
     Modes,
     Rayleigh,
+    Record,
     Solution,
     StructuralDamping,
     mass_matrix,
@@ -28,9 +30,7 @@ from gpusim.fem import (
 )
 from gpusim.fem.model.damping import Damping
 from gpusim.fem.model.dead_loads import with_dead_loads
-from gpusim.fem.model.history import History
-from gpusim.fem.model.record import Record
-from gpusim.fem.procedures.modal_superposition import ModalCoordinates, ModalResponse, Oscillators
+from gpusim.fem.procedures.modal_superposition import ModalCoordinates, ModalMotion, Oscillators
 from gpusim.fem.procedures.transient import superposed
 from gpusim.mesh.formats.abaqus.cards import Card, number, whole
 from gpusim.validation import require
@@ -110,7 +110,7 @@ class ModalDynamics(Superposition):
             *shares(reached, modes, np.stack([u, v])),
         )
         shapes, cases = np.concatenate([modes.shapes, loads.beyond]), len(loads.beyond)
-        response = ModalResponse(
+        response = ModalMotion(
             shapes, coordinates, Record(times, factors), np.zeros((cases, cases)), {}
         )
         fields = superposed(response, times, None)

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 from gpusim.deck.increments import Increments
 from gpusim.deck.materials import at_finite_strain
 from gpusim.deck.step import Step
-from gpusim.fem import Buckling, HarmonicResponse, Modes, Solution, buckling, modes
-from gpusim.fem.model.history import History
+from gpusim.fem import Buckling, HarmonicResponse, History, Modes, Solution, buckling, modes
 from gpusim.mesh.formats.abaqus.cards import Card, number
 from gpusim.validation import require
 
