@@ -84,8 +84,8 @@ def harmonic(
     >>> model = gs.Model(bar, gs.Isotropic(210e9, 0.3, density=7850.0), fixed)
     >>> shaken = gs.harmonic(model, [5.0, 82.0], base=(0, 1, 0), damping=gs.ModalDamping(0.02))
     >>> tip = shaken.absolute().amplitude[:, -1, 1] * (2 * np.pi * shaken.frequencies) ** 2
-    >>> tip.round(2)  # over the acceleration of the base
-    array([ 1.01, 39.15])
+    >>> tip.round(1).tolist()  # over the acceleration of the base
+    [1.0, 26.4]
     """
     acceleration = None if base is None else complex_numbers(base, "harmonic: base", 3)
     require(modes is None or method == "modal", "harmonic: modes", "method 'direct'", "'modal'")
