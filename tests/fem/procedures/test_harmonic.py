@@ -8,7 +8,10 @@ from scipy.linalg import eigh
 
 import gpusim as gs
 from gpusim.errors import InputError
+from gpusim.fem.assembly import node_graph
+from gpusim.fem.model.damping import Damping
 from gpusim.fem.model.mass import mass_matrix
+from tests.support.element_meshes import linear_mesh
 from tests.support.fem_reference import stiffness
 
 BAR = gs.mesh.box(size=(1.0, 0.1, 0.12), divisions=(5, 1, 1))
@@ -60,7 +63,7 @@ def test_a_load_like_one_mode_moves_that_mode_alone() -> None:
 
 
 @pytest.mark.parametrize("damping", [DAMPINGS[0], DAMPINGS[1], DAMPINGS[3]], ids=str)
-def test_direct_is_modal_with_all_modes(damping: gs.fem.Damping | None) -> None:
+def test_direct_is_modal_with_all_modes(damping: Damping | None) -> None:
     model, loads = shaken(), [1.0, 0.5j]
     directly = gs.harmonic(model, FREQUENCIES, loads=loads, damping=damping, method="direct")
     every = gs.harmonic(model, FREQUENCIES, loads=loads, damping=damping, count=60)
@@ -101,6 +104,55 @@ def test_modes_that_are_known_are_taken() -> None:
         gs.harmonic(model, [60.0], modes=other)
     with pytest.raises(InputError, match="harmonic: modes; got others"):
         gs.harmonic(model, [60.0], modes=gs.modes(model, band=(400.0, 3000.0)))
+
+
+def tied() -> gs.Model:
+    mesh = gs.mesh.box(size=(2.0, 1.0, 1.0), divisions=(4, 2, 2))
+    held = np.isclose(mesh.points[:, :1], 0.0).repeat(3, axis=1)
+    tie = gs.fem.equations(mesh, [([(4, "x", 1.0), (14, "x", -0.5)], 0.0)])
+    force = np.random.default_rng(1).normal(size=mesh.points.shape)
+    return gs.Model(mesh, gs.Isotropic(50.0, 0.3, density=2.0), held, force, constraints=[tie])
+
+
+def numbered_anew() -> gs.Model:
+    mesh = gs.mesh.quadratic(linear_mesh("tet4", (4, 3, 3), 0.03))
+    x = mesh.points[:, :1]
+    held = (x < x.min() + 1e-9).repeat(3, axis=1)
+    force = np.random.default_rng(2).normal(size=mesh.points.shape)
+    return gs.Model(mesh, gs.Isotropic(50.0, 0.3, density=2.0), held, force)
+
+
+@pytest.mark.parametrize("model", [tied(), numbered_anew()], ids=["tied", "numbered anew"])
+@pytest.mark.parametrize("base", [None, (0.0, 1.0, 0.3)])
+def test_other_models(
+    model: gs.Model, base: tuple[float, ...] | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(node_graph, "_FEW", 100)
+    found, expected = (
+        gs.harmonic(model, [0.0, 0.05], base=base, method=method, damping=gs.Rayleigh(0.1, 1e-3))
+        for method in ("modal", "direct")
+    )
+    assert worst(found.u[:1], expected.u[:1]) <= 1e-9
+    assert worst(found.u, expected.u) <= 1e-4
+
+
+def test_tension_stiffens() -> None:
+    mesh = gs.mesh.box(size=(1.0, 0.02, 0.02), divisions=(20, 1, 1))
+    held = np.isclose(mesh.points[:, :1], 0.0).repeat(3, axis=1)
+    end = gs.mesh.select_faces(mesh, name="x_max")
+    pull = gs.fem.traction(mesh, end, (1e8, 0, 0))
+    push = gs.fem.traction(mesh, end, (0, 1e4, 0))
+    model = gs.Model(mesh, STEEL, held, np.stack([pull, push]))
+    solution = gs.solve(model, geometry="nonlinear", factors=[[1.0, 0.0]])
+    found, expected = (
+        gs.harmonic(model, [0.0, 10.0], loads=[0, 1], method=method, prestress=solution)
+        for method in ("modal", "direct")
+    )
+    assert worst(found.u, expected.u) <= 1e-6
+    # P (L - tanh(k L) / k) / N, k^2 = N / E I
+    force, tension, rate = 4.0, 4e4, np.sqrt(4e4 / (210e9 * 0.02**4 / 12.0))
+    tip = force / tension * (1.0 - np.tanh(rate) / rate)
+    assert abs(found.u[0, -1, 1] / tip - 1.0) <= 0.01
 
 
 @pytest.mark.parametrize("method", ["modal", "direct"])
