@@ -219,6 +219,14 @@ def test_nafems_5h() -> None:
     peak = int(np.argmax(found.amplitude[:, middle, 1]))
     assert abs(frequencies[peak] / 42.65 - 1.0) <= 0.005
     assert abs(found.amplitude[peak, middle, 1] / 13.45e-3 - 1.0) <= 0.005
+    # every mode of the mesh, in dense algebra
+    k, m, free = matrices(model)
+    squares, shapes = eigh(k, m)
+    assert model.forces is not None
+    angular = 2.0 * np.pi * frequencies[:, None]
+    dynamic = squares - angular**2 + 0.04j * angular * np.sqrt(squares)
+    expected = (shapes.T @ model.forces.ravel()[free] / dynamic) @ shapes.T
+    assert worst(found.u.reshape(len(frequencies), -1)[:, free], expected) <= 1e-6
     quarters = (gs.fem.stress(model, found.at(peak, turn)) for turn in (0.0, 0.5 * np.pi))
     assert abs(np.hypot(*(one.nodal[top, 0] for one in quarters)) / 241.9e6 - 1.0) <= 0.02
 
