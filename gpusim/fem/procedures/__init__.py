@@ -20,10 +20,12 @@ In the order in which data passes:
 - `buckling`: Linear buckling: factors of the load at which stiffness is lost, (K + factor K_g) u =
   0.
 - `modal_basis`: Modal bases: modes, and what static responses have beyond them.
-- `forced_vibration`: Forced vibration: a model as it is discretised, and the one load that drives it.
-- `harmonic`: Harmonic response: steady vibration under loads, or on a base, that vary as exp(i omega
-  t).
-- `frequency_response`: Frequency-response functions: what one point does per unit of force at another.
+- `forced_vibration`: Forced vibration: a model as it is discretised, and the one load that drives
+  it.
+- `harmonic`: Harmonic response: steady vibration under loads, or on a base, that vary as
+  exp(i omega t).
+- `frequency_response`: Frequency-response functions: what one point does per unit of force at
+  another.
 - `random_response`: Random response: stationary vibration under a load, or on a base, known by its
   spectral density.
 - `initial_value_problem`: Initial value problems of a body: what moves, from where, and what acts
