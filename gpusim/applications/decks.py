@@ -236,14 +236,17 @@ def _write_solutions(
     write_pvd(files[-1], steps)
     kept = {f"step_{k:04d}.npz": arrays(one) for k, one in enumerate(results, 1)}
     if solutions:
-        both = {name: np.stack([getattr(one, name) for one in solutions]) for name in _OF_SOLUTIONS}
+        both: dict[str, Any] = {
+            name: np.stack([getattr(one, name) for one in solutions]) for name in _OF_SOLUTIONS
+        }
         kept = {"displacements.npz": both, **kept}
     for name, values in kept.items():
         if values:
             files.append(inside(folder, name))
             with atomic_stream(files[-1]) as stream:
-                nodes = {"node_labels": deck.node_labels, "points": deck.mesh.points}
-                np.savez_compressed(stream, **nodes, **values)
+                np.savez_compressed(
+                    stream, node_labels=deck.node_labels, points=deck.mesh.points, **values
+                )
     return files
 
 

@@ -131,24 +131,20 @@ def print_deck(report: Mapping[str, Any], folder: Path) -> None:
 def _print_motion(step: Mapping[str, Any]) -> None:
     """What a step with modes, buckling or motion has found."""
     head = f"step {step['number']}: {step['kind']}"
+    rows: list[Sequence[str] | str] = []
     if step["kind"] == "modes":
-        masses = zip(*step["effective_mass"], strict=True)
-        shares = [
-            [one / total if total else 0.0 for one in row]
-            for row, total in zip(masses, step["total_mass"], strict=True)
-        ][:3]
-        out(f"{head}, estimated error {step['error_estimate']:.1e}")
-        rows = [("mode", "frequency", "mass x", "mass y", "mass z")]
-        for number, (frequency, *parts) in enumerate(
-            zip(step["frequencies"], *shares, strict=True), 1
-        ):
-            rows.append((f"{number}", f"{frequency:.7g}", *(f"{part:.1%}" for part in parts)))
-        print_rows(rows, ">>>>>")
+        rows.append(("mode", "frequency", "mass x", "mass y", "mass z"))
+        pairs = zip(step["frequencies"], step["effective_mass"], strict=True)
+        for number, (frequency, masses) in enumerate(pairs, 1):
+            wholes = zip(masses[:3], step["total_mass"][:3], strict=True)
+            shares = [f"{own / whole:.1%}" for own, whole in wholes]
+            rows.append((f"{number}", f"{frequency:.7g}", *shares))
     elif step["kind"] == "buckling":
-        out(f"{head}, estimated error {step['error_estimate']:.1e}")
-        rows = [("mode", "factor")]
+        rows.append(("mode", "factor"))
         rows += [(f"{k}", f"{factor:.7g}") for k, factor in enumerate(step["factors"], 1)]
-        print_rows(rows, ">>")
+    if rows:
+        out(f"{head}, estimated error {step['error_estimate']:.1e}")
+        print_rows(rows, ">" * len(rows[0]))
     else:
         where = f"at node {step['largest_displacement_node']}"
         when = (

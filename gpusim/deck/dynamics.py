@@ -10,7 +10,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.deck.increments import Increments
-from gpusim.deck.procedures import MASS, Procedure, Reached, Static
+from gpusim.deck.procedures import MASS, Procedure, Reached, Static, settled
 from gpusim.deck.step import Step
 from gpusim.fem import History, Record, Solution
 from gpusim.fem.linear.solve_plan import Clock, Options
@@ -60,7 +60,7 @@ class Dynamics(Procedure):
         if isinstance(last, History):
             u, v = last.u[-1], last.v[-1]
         elif isinstance(last, Solution):
-            u, v = last.u, np.zeros_like(last.u)
+            u, v = settled(last, step).u, np.zeros_like(last.u)
         factors = Record(times, step.motion.factors(times))
         model = deck.model_of(step.motion.cases)
         scheme = Scheme(0.0, -self.alpha, 0.25 * (1.0 - self.alpha) ** 2, 0.5 - self.alpha)

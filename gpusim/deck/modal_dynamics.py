@@ -13,7 +13,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.deck.increments import Increments
-from gpusim.deck.procedures import MASS, NONE, Frequency, Procedure, Reached, values
+from gpusim.deck.procedures import MASS, NONE, Frequency, Procedure, Reached, settled, values
 from gpusim.deck.step import Step
 from gpusim.errors import InputError
 from gpusim.fem import (
@@ -96,11 +96,12 @@ class ModalDynamics(Superposition):
         times = np.array([step.motion.begin, *step.increments])
         factors, loads = step.motion.factors(times), modal_loads(step, reached)
         modes, last = loads.modes, reached.before[-1]
+        assert modes.model is not None
         u = v = np.zeros_like(modes.shapes[0])
         if isinstance(last, History):
             u, v = last.u[-1], last.v[-1]
         elif isinstance(last, Solution):
-            u = last.u
+            u = settled(last, step).u
         angular = 2.0 * np.pi * modes.frequencies
         positive = np.maximum(angular, 1e-100)
         ratios = 0.0 if step.damping is None else step.damping.ratios(positive)
@@ -167,7 +168,7 @@ class SteadyState(Superposition):
             )
         ahead = np.where(step.motion.quadrature, 1j, 1.0)
         weights = step.motion.factors(frequencies) * ahead
-        coordinates = np.hstack([weights @ loads.forcing / dynamic, weights])
+        coordinates = np.hstack([weights @ loads.forcing / dynamic, weights]).astype(np.complex128)
         shapes = np.concatenate([modes.shapes, loads.beyond])
         unknown = np.full(len(frequencies), np.nan)
         assert modes.model is not None
@@ -198,7 +199,7 @@ def modal_loads(step: Step, reached: Reached) -> ModalLoads:
             model, forces=0.0 * forces[moved], prescribed=model.prescribed_cases[moved],
             loads=(), temperature=None,
         )  # fmt: skip
-        u = solve(pulled, formulation=deck.formulation, tolerance=_TOLERANCE).u
+        u = settled(solve(pulled, formulation=deck.formulation, tolerance=_TOLERANCE), step).u
         own = shares(reached, modes, u)
         forcing[moved] += own * (2.0 * np.pi * modes.frequencies) ** 2
         beyond[moved] = u - np.tensordot(own, modes.shapes, axes=1)
@@ -207,7 +208,7 @@ def modal_loads(step: Step, reached: Reached) -> ModalLoads:
 
 def shares(reached: Reached, modes: Modes, u: Float) -> Float:
     """(L,n) of modes in displacements (L,N,3) of what isn't held."""
-    assert modes.model is not None
+    assert modes.model is not None and modes.model.fixed is not None
     mass = mass_matrix(modes.model, MASS, reached.deck.formulation)
     free = np.where(modes.model.fixed, 0.0, u).reshape(len(u), -1)
     return np.asarray((mass @ free.T).T @ modes.shapes.reshape(len(modes.shapes), -1).T)

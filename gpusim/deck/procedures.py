@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 from gpusim.deck.increments import Increments
 from gpusim.deck.materials import at_finite_strain
 from gpusim.deck.step import Step
+from gpusim.errors import NotConverged
 from gpusim.fem import Buckling, HarmonicResponse, History, Modes, Solution, buckling, modes
 from gpusim.mesh.formats.abaqus.cards import Card, number
 from gpusim.validation import require
@@ -51,12 +52,13 @@ class Reached:
             return None
         state = last_static(self.deck.steps[: step.number])
         assert state is not None
-        found = self.static[state.number]
+        found = settled(self.static[state.number], step)
         if self.deck.nonlinear:
             return found
         warm = None if state.temperature is None else state.temperature[None]
         materials = [at_finite_strain(one) for one in self.deck.materials]
-        model = replace(self.deck.model_of([state]), materials=materials, temperature=warm)
+        model = self.deck.model_of([state])
+        model = replace(model, materials=materials, temperature=warm, loads=state.followers)
         return replace(found, model=model)
 
 
@@ -128,6 +130,7 @@ class Frequency(Procedure):
         """As in CalculiX those beyond the band are counted, too."""
         deck, about = reached.deck, reached.equilibrium(step)
         model = deck.model_of([step]) if about is None else about.model
+        assert model is not None
         found = modes(model, self.count, mass=MASS, formulation=deck.formulation, prestress=about)
         at = found.frequencies
         inside = (at >= self.least) & (at <= self.greatest)
@@ -163,6 +166,14 @@ def last_static(steps: Sequence[Step]) -> Step | None:
     """The last step with *STATIC."""
     found = [one for one in steps if isinstance(one.procedure, Static)]
     return found[-1] if found else None
+
+
+def settled(solution: Solution, step: Step) -> Solution:
+    """A solution from which a step can go on. Raises NotConverged."""
+    if not solution.converged:
+        what = f"step {step.number}: the static analysis before it"
+        raise NotConverged(f"{what}: {solution.message}; expected an equilibrium")
+    return solution
 
 
 def values(card: Card, count: int) -> list[float]:

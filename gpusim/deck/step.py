@@ -33,6 +33,9 @@ class Step:
     of the ``path`` on the way to this one included; ``increments`` (K,) are the times of the load
     steps that are solved for, the end of the step the last of them.
 
+    In a linear deck the ``forces`` of pressures act on the body at rest; ``followers`` are these
+    pressures as perturbations of the state see them.
+
     ``procedure`` is what the step does. In one in which the body moves, what acts is the sum of the
     cases of ``motion``, and the ``increments`` are instants; ``damping`` is that of its modes.
     ``perturbation``: about the state of the static step before.
@@ -54,6 +57,7 @@ class Step:
     constraints: tuple[Equations, ...]
     procedure: Procedure
     loads: tuple[FollowerPressure, ...] = ()
+    followers: tuple[FollowerPressure, ...] = ()
     path: tuple[Step, ...] = ()
     increments: Float = field(default_factory=lambda: np.zeros(0))
     motion: Motion | None = None

@@ -19,7 +19,6 @@ from gpusim.deck.materials import Body
 from gpusim.deck.modal_dynamics import ModalDynamics, SteadyState, read_modal_damping
 from gpusim.deck.procedures import Frequency, LinearBuckling, Procedure, Static, last_static
 from gpusim.deck.step import Motion, Step
-from gpusim.fem import FollowerPressure
 from gpusim.fem.model.constraints import touched
 from gpusim.fem.model.damping import Damping
 from gpusim.mesh.formats.abaqus.cards import Card, number, whole
@@ -146,7 +145,8 @@ class History:
             self.initial[nodes] = value
 
     def _temperature(self, card: Card) -> None:
-        self._inside(card)
+        if isinstance(self._inside(card).procedure, LinearBuckling):
+            card.fail("in a step with *BUCKLE; expected forces, or a static analysis")
         if self.temperature is None:
             self.temperature = Ramped(self.initial.copy())
         self._renew(card, self.temperature.clear)
@@ -181,12 +181,7 @@ class History:
         step = self._inside(card)
         step.procedure = procedure = _PROCEDURES[card.keyword](card, step.card)
         step.perturbation = "PERTURBATION" in step.card.parameters
-        problem = procedure.unfit(self.steps, step.perturbation)
-        if step.perturbation and self.body.nonlinear and not self.steps:
-            problem = "PERTURBATION in the first step of a nonlinear deck; expected it later"
-        if self.motion.where and not (self.steps or isinstance(procedure, Dynamics)):
-            problem = (f"displacements or velocities at the beginning ({self.motion.where}); "
-                       "expected *DYNAMIC in the first step")  # fmt: skip
+        problem = procedure.unfit(self.steps, step.perturbation) or self._unfit(step, procedure)
         if problem:
             card.fail(problem)
         # what a state is stressed by isn't there again for perturbations of it
@@ -198,6 +193,36 @@ class History:
                 self.temperature.clear()
             if step.perturbation:
                 self.constraints.given.clear()
+
+    def _unfit(self, step: _Open, procedure: Procedure) -> str:
+        """What speaks against a procedure in this deck, if anything."""
+        body, about = self.body, step.perturbation
+        spun = any(one.kind == "CENTRIF" for one in self.forces.bodies)
+        moves = isinstance(procedure, Dynamics)
+        problems = {
+            "PERTURBATION in the first step of a nonlinear deck": (
+                about and body.nonlinear and not self.steps
+            ),
+            "PERTURBATION about a state with CENTRIF, which changes as the body moves": (
+                about and spun
+            ),
+            "PERTURBATION about metal, of whose state only its stress is known": (
+                about and body.has_history
+            ),
+            "initial stress, which other steps than *STATIC don't know": (
+                bool(self.stress.values) and not isinstance(procedure, Static)
+            ),
+            f"motion before the first step ({self.motion.where}), which isn't *DYNAMIC": (
+                bool(self.motion.where) and not self.steps and not moves
+            ),
+            "BETA of *DAMPING at large displacements, where it would damp rotations": (
+                moves and body.nonlinear and body.damping.stiffness > 0.0
+            ),
+            "*BUCKLE at large displacements; expected linear statics": (
+                body.nonlinear and isinstance(procedure, LinearBuckling)
+            ),
+        }
+        return next((text for text, found in problems.items() if found), "")
 
     def _modal_damping(self, card: Card) -> None:
         self._inside(card)
@@ -243,6 +268,10 @@ class History:
         )
         motion = self._motion(step, interval) if procedure.moves else None
         of_motion = [] if motion is None else motion.cases
+        pulled = any(one.prescribed.any() for one in of_motion)
+        if pulled and (step.perturbation or isinstance(procedure, Dynamics)):
+            step.card.fail("displacements of supports; expected none with *DYNAMIC, nor about a "
+                           "stressed state")  # fmt: skip
         for one in (*path, state, *of_motion) if self.body.nonlinear else of_motion:
             if not one.held_as((*self.steps, *path, state)[0] if self.body.nonlinear else state):
                 step.card.fail(
@@ -314,10 +343,8 @@ class History:
         if self.temperature is not None and not alone:
             change = self.temperature.at(moment) - moment.factors[0] * self.initial
         forces, pressed = own.nodal_forces(moment), own.pressed(moment)
-        loads: tuple[FollowerPressure, ...] = ()
-        if pressed is not None and self.body.nonlinear:
-            loads = following_pressures(self.body, *pressed)
-        elif pressed is not None:
+        followers = () if pressed is None else following_pressures(self.body, *pressed)
+        if pressed is not None and not self.body.nonlinear:
             forces += pressure_forces(self.body, *pressed)
         for one in own.body_forces(moment):
             forces += one
@@ -335,5 +362,6 @@ class History:
             temperature=change,
             constraints=constraints,
             procedure=step.procedure,
-            loads=loads,
+            loads=followers if self.body.nonlinear else (),
+            followers=followers,
         )

@@ -227,10 +227,9 @@ def _tangent(
     factors = solution.steps[-1].factors if solution.steps else np.ones(len(model.load_cases))
     own = {"incompatible", "bbar"} & set(formulation.values())
     finite = all(one.block.law.finite_strain for one in equation.responses)
-    alone = model.temperature is None and not model.loads
-    if finite and alone and not own and not solution.steps:
+    if finite and model.temperature is None and not own and not solution.steps:
         # linear theory, of laws for large displacements: stress is as linear as displacements
-        assembled = equation.about_linear(u)
+        assembled = equation.about_linear(u, factors)
     else:
         equation.relax(u, factors)
         assembled = equation.linearised(u, factors).assembled

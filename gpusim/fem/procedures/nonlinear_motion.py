@@ -118,7 +118,7 @@ class NonlinearMotion:
         tangent = equation.linearised(u, self._factors(time))
         solver = TangentSolver(equation, self._options)
         found = solver.correction(tangent, push, np.zeros_like(push), self._options.tolerance)
-        return found.du[0]
+        return np.asarray(found.du[0])
 
     def advance(self, state: State, step: float) -> State:
         """One equilibrium, from the last state."""

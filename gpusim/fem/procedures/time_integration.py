@@ -160,8 +160,8 @@ class LinearMotion:
         return State(time, u, v, a, np.zeros(2))
 
     def accelerations(self, force: Float) -> Float:
-        """M^-1 ``force``, by conjugate gradients that are scaled by the diagonal; or (M + onset K)^-1
-        of it.
+        """M^-1 ``force``, by conjugate gradients that are scaled by the diagonal; or, with an onset,
+        (M + onset K)^-1 of it.
 
         Raises NotConverged where the mass isn't positive definite.
         """
