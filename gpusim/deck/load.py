@@ -108,8 +108,8 @@ def check_keywords(cards: Sequence[Card]) -> tuple[str, ...]:
         elif card.keyword not in _READ:
             known = [*_READ, *_IGNORED]
             faults.append(
-                f"{card.where()}: not supported; expected a deck of static steps, or "
-                f"of vibration, on solid elements{nearest(card.keyword, known)}"
+                f"{card.where()}: not supported; expected a deck of *STATIC steps or "
+                f"of vibration on solid elements{nearest(card.keyword, known)}"
             )
         else:
             faults.extend(parameter_faults(card, _READ))

@@ -97,7 +97,7 @@ class Static(Procedure):
         """About a first step, a perturbation means that step's stress stiffness in CalculiX, and
         its loads don't act: the first step of a linear analysis has neither."""
         if any(one.procedure.moves for one in before):
-            return "*STATIC after a step in which the body moves; expected it before"
+            return "after a step in which the body moves; expected it before"
         about = perturbation and len(before) > 0
         return "PERTURBATION about an earlier step; expected it in the first one" * about
 

@@ -256,7 +256,7 @@ class History:
         self.open = None
         procedure = step.procedure
         if procedure is None:
-            step.card.fail("no procedure; expected *STATIC, or another one, in the step")
+            step.card.fail("no procedure; expected *STATIC in the step, or another one")
         interval, begin = self._interval(procedure), self.time
         self.time += procedure.increments.period
         on_the_way = self._on_the_way(procedure, interval)
