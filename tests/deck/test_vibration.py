@@ -7,15 +7,13 @@ again, and all nodes of the end and all instants and frequencies are compared.
 from __future__ import annotations
 
 import json
-import re
 import shutil
 import subprocess
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 import gpusim as gs
@@ -23,12 +21,10 @@ from gpusim.applications import solve_deck
 from gpusim.deck import Deck, load_deck
 from gpusim.deck.procedures import Result
 from gpusim.errors import InputError, NotConverged
+from tests.support.calculix_output import Answer, difference, printed
 from tests.support.deck_texts import FIXED, MATERIAL, METAL, MODEL, deck, step, write
 from tests.support.vibration_decks import DECKS
 
-Float = npt.NDArray[np.float64]
-# what is printed: frequencies, load factors, or at a time (or a frequency) of a node u (3,)
-Answer = tuple[str, Any]
 # of frequencies and factors; of displacements, over the greatest at that time
 SAME, ALIKE = 1e-6, 2e-6
 
@@ -205,70 +201,17 @@ def solved(path: Path) -> tuple[Deck, tuple[Result, ...]]:
     return found, found.solve(backend="numpy", tolerance=1e-10)
 
 
-def motion_at(path: Path, time: float) -> tuple[Float, float]:
-    """Displacements of all nodes at an instant of one of the histories, and how far off the
-    nearest one is."""
-    deck, results = solved(path)
-    for one, result in zip(deck.steps, results, strict=True):
-        if isinstance(result, gs.History) and result.times[0] < time <= one.time * (1 + 1e-6):
-            k = int(np.argmin(np.abs(result.times - time)))
-            return np.asarray(result.u[k]), abs(result.times[k] - time)
-    raise AssertionError(time)
-
-
-def response_at(path: Path, frequency: float) -> tuple[npt.NDArray[np.complex128], float]:
-    """Complex displacements at a frequency, and how far off the nearest one is, relative."""
-    (result,) = (one for one in solved(path)[1] if isinstance(one, gs.fem.HarmonicResponse))
-    k = int(np.argmin(np.abs(result.frequencies - frequency)))
-    return result.u[k], abs(result.frequencies[k] / frequency - 1.0)
-
-
-def agree(path: Path, kind: str, answer: Any) -> None:
-    """Compare one answer of CalculiX."""
-    deck, results = solved(path)
-    if kind == "modes":
-        (modes,) = (one for one in results if isinstance(one, gs.Modes))
-        assert modes.converged
-        np.testing.assert_allclose(modes.frequencies, answer, rtol=SAME)
-    elif kind == "buckling":
-        (found,) = (one for one in results if isinstance(one, gs.Buckling))
-        assert found.converged
-        np.testing.assert_allclose(found.factors, answer, rtol=SAME)
-    else:
-        at, labels, u = answer
-        own, off = (motion_at if kind == "motion" else response_at)(path, at)
-        assert off <= 1e-6 * (1.0 if kind == "response" else at)
-        own = own[np.searchsorted(deck.node_labels, labels)]
-        assert np.abs(own - u).max() <= ALIKE * np.abs(u).max()
+def agree(path: Path, answers: Sequence[Answer]) -> None:
+    """Compare all answers of CalculiX."""
+    assert answers
+    for kind, answer in answers:
+        limit = SAME if kind in ("modes", "buckling") else ALIKE
+        assert difference(*solved(path), kind, answer) <= limit
 
 
 @pytest.mark.parametrize("name", DECKS)
 def test_stored_answers(name: str, folder: Path) -> None:
-    for kind, answer in REFERENCES[name]:
-        agree(folder / f"{name}.inp", kind, answer)
-
-
-def printed(text: str, harmonic: bool) -> list[Answer]:
-    """All answers in what CalculiX prints; shapes of modes, all at one time, aren't asked for."""
-    found: list[Answer] = []
-    tables: list[tuple[float, Float]] = []
-    for block in re.split(r"(?= {5}E I G E N V A L U E   O| {5}B U C K L I N G| displace)", text):
-        rows = [line.split() for line in block.split("P A R T")[0].splitlines()]
-        if "E I G E N" in block[:20]:
-            modes = [float(row[3]) for row in rows if len(row) == 5 and row[0].isdigit()]
-            found.append(("modes", modes))
-        elif "B U C K" in block[:20]:
-            factors = [row[1] for row in rows if len(row) == 2 and row[0].isdigit()]
-            found.append(("buckling", [float(one) for one in factors]))
-        elif block.startswith(" displace"):
-            values = np.array([row for row in rows[1:] if len(row) == 4], dtype=np.float64)
-            tables.append((float(rows[0][-1]), values))
-    if harmonic:
-        pairs = zip(tables[::2], tables[1::2], strict=True)
-        tables = [(at, real + 1j * other) for (at, real), (_, other) in pairs]  # type: ignore[misc]
-    kind = "response" if harmonic else "motion"
-    labels = np.real(tables[0][1][:, 0]).astype(int) if tables else None
-    return found + [(kind, (at, labels, values[:, 1:])) for at, values in tables]
+    agree(folder / f"{name}.inp", REFERENCES[name])
 
 
 @pytest.mark.parametrize("name", DECKS)
@@ -283,8 +226,7 @@ def test_every_instant_as_calculix(name: str, folder: Path) -> None:
     text = (folder / f"{name}.dat").read_text(encoding="utf-8")
     answers = printed(text, name.startswith("steady"))
     assert [kind for kind, _ in answers].count("modes") == DECKS[name]().count("*FREQUENCY")
-    for kind, answer in answers:
-        agree(folder / f"{name}.inp", kind, answer)
+    agree(folder / f"{name}.inp", answers)
 
 
 PULL = ["*CLOAD", "22, 1, 1."]
