@@ -1,4 +1,4 @@
-"""What files and reports tell of the steps of a deck that aren't static."""
+"""What files and reports tell of modes, buckling and motion."""
 
 from __future__ import annotations
 

@@ -16,9 +16,9 @@ from gpusim.deck.forces import Forces, following_pressures, pressure_forces
 from gpusim.deck.increments import Increments, merged
 from gpusim.deck.initial_state import InitialMotion, InitialStress, temperature_forces
 from gpusim.deck.materials import Body
-from gpusim.deck.modal_dynamics import ModalDynamics, SteadyState, read_modal_damping
-from gpusim.deck.procedures import Frequency, LinearBuckling, Procedure, Static, last_static
-from gpusim.deck.step import Motion, Step
+from gpusim.deck.modal_dynamics import HarmonicDynamics, ModalDynamics, read_modal_damping
+from gpusim.deck.procedures import Frequency, LinearBuckling, Static, last_static
+from gpusim.deck.step import Motion, Procedure, Step
 from gpusim.fem.model.constraints import touched
 from gpusim.fem.model.damping import Damping
 from gpusim.mesh.formats.abaqus.cards import Card, number, whole
@@ -40,7 +40,7 @@ _PROCEDURES: dict[str, Callable[[Card, Card], Procedure]] = {
     "FREQUENCY": Frequency.read,
     "BUCKLE": LinearBuckling.read,
     "MODALDYNAMIC": ModalDynamics.read,
-    "STEADYSTATEDYNAMICS": SteadyState.read,
+    "STEADYSTATEDYNAMICS": HarmonicDynamics.read,
     "DYNAMIC": Dynamics.read,
 }
 
@@ -92,7 +92,7 @@ class History:
         def reader(card: Card) -> None:
             forces, case = self.forces, card.parameters.get("LOADCASE", "1")
             if case != "1":
-                harmonic = isinstance(self._inside(card).procedure, SteadyState)
+                harmonic = isinstance(self._inside(card).procedure, HarmonicDynamics)
                 expected = "1, or 2 in a step with *STEADY STATE DYNAMICS"
                 require(harmonic and case == "2", f"{card.where()}: LOAD CASE", case, expected)
                 forces = self.quadrature
@@ -123,7 +123,7 @@ class History:
         return self.amplitudes.scale(card, self._interval(procedure))
 
     def _interval(self, procedure: Procedure | None) -> Interval:
-        if isinstance(procedure, SteadyState):
+        if isinstance(procedure, HarmonicDynamics):
             # what amplitudes are over
             return Interval(len(self.steps) + 1, 0.0, procedure.greatest)
         increments = Increments() if procedure is None else procedure.increments
@@ -231,7 +231,7 @@ class History:
     def _base_motion(self, card: Card) -> None:
         """All supports in a direction move alike, those in the others rest."""
         step = self._inside(card)
-        if not isinstance(step.procedure, ModalDynamics | SteadyState):
+        if not isinstance(step.procedure, ModalDynamics | HarmonicDynamics):
             card.fail("outside of modal superposition; expected *MODAL DYNAMIC or *STEADY STATE "
                       "DYNAMICS before it in the step")  # fmt: skip
         where, kind = card.where(), card.parameters.get("TYPE", "DISPLACEMENT").upper()
@@ -243,7 +243,7 @@ class History:
         require(not turned, f"{where}: supports", "some in turned axes", "none with *TRANSFORM")
         scale = self.amplitudes.scale(card, self._interval(step.procedure))
         if kind == "ACCELERATION":
-            swept = isinstance(step.procedure, SteadyState) and step.procedure.least > 0.0
+            swept = isinstance(step.procedure, HarmonicDynamics) and step.procedure.least > 0.0
             require(swept, f"{where}: TYPE", kind, "DISPLACEMENT but in steady states above 0 Hz")
             scale = self.amplitudes.integrated(scale)
         if card.keyword not in step.seen:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 import gpusim as gs
 from gpusim.deck import Deck
-from gpusim.deck.procedures import Result
+from gpusim.deck.step import Result
 
 # what is printed: frequencies, load factors, or at a time (or a frequency) of nodes u (…,3)
 Answer = tuple[str, Any]

@@ -19,7 +19,7 @@ import pytest
 import gpusim as gs
 from gpusim.applications import solve_deck
 from gpusim.deck import Deck, load_deck
-from gpusim.deck.procedures import Result
+from gpusim.deck.step import Result
 from gpusim.errors import InputError, NotConverged
 from tests.support.calculix_output import Answer, difference, printed
 from tests.support.deck_texts import FIXED, MATERIAL, METAL, MODEL, deck, step, write
