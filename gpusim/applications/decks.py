@@ -107,7 +107,7 @@ def solve_deck(
             _write_report(folder, report | {"status": "failed", "error": str(error)})
             raise
         stresses = [
-            deck.point_stress(step.number, one) if stress and _reached(deck, one) else {}
+            deck.point_stress(step.number, one) if stress and _reached(one, deck) else {}
             for step, one in zip(deck.steps, solutions, strict=True)
         ]
         files = _write_solutions(deck, solutions, stresses, folder)
@@ -133,7 +133,7 @@ def solve_deck(
         return DeckOutput(deck, solutions, report, files, failure)
 
 
-def _reached(deck: Deck, result: Result) -> TypeGuard[Solution]:
+def _reached(result: Result, deck: Deck) -> TypeGuard[Solution]:
     """Whether it is of statics, and the analysis came to the end of its step."""
     if not isinstance(result, Solution):
         return False
