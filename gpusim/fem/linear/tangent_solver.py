@@ -106,6 +106,14 @@ class TangentSolver:
         near = self._solver.preconditioner
         return truncated_cg(_product(assembled, system), near, every, _LOOK) is not None
 
+    def definite_anew(self, tangent: Tangent) -> bool:
+        """The same of a tangent that hasn't been solved, with factors or levels of its own."""
+        if self._solver is None:
+            return True
+        still = np.zeros((1, *tangent.u.shape))
+        self._take(tangent, *self._system(tangent, still, still))
+        return self._taken is not None and self.definite(tangent)
+
     def _system(self, tangent: Tangent, forces: Float, given: Float) -> tuple[Assembled, System]:
         """What is solved, less what constraints give up."""
         equation, elimination = self._equation, self._equation.elimination
