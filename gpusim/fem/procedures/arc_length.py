@@ -22,7 +22,9 @@ from gpusim.fem.procedures.newton import Controls, error_left, relative_residual
 
 # iterations of a step, and how many the length of the next one is chosen for
 _MOST, _WANTED = 15, 5
-_MOST_STEPS, _MOST_CUTS = 150, 12
+_MOST_STEPS = 150
+# of the longest step: one that has to be shorter is held up by something that no step gets past
+_LEAST_LENGTH = 2.0**-12
 # the length of a step changes by this factor at most
 _CHANGE = 2.0
 
@@ -65,26 +67,27 @@ def follow_path(
     branch = _Branch(equation, solver, path, controls)
     u, s = start.u, start.s
     before: Float | None = None
-    cuts = 0
+    longest = length
     for _ in range(_MOST_STEPS):
         begun = equation.snapshot()
         try:
             du, ds, iterations = branch.step(u, s, before, length)
         except NotConverged as error:
             equation.restore(begun)
-            cuts, length = cuts + 1, 0.5 * length
-            if cuts > _MOST_CUTS:
+            length *= 0.5
+            if length < _LEAST_LENGTH * longest:
                 raise NotConverged(f"by arc length: {error}") from None
             continue
         if s + ds >= 1.0:
             equation.restore(begun)
             yield PathPoint(s + ds, u + (1.0 - s) / ds * du, iterations)
             return
-        u, s, before, cuts = u + du, s + ds, du, 0
+        u, s, before = u + du, s + ds, du
         equation.commit(u, path.factors(s))
         yield PathPoint(s, u, iterations)
         change = np.sqrt(_WANTED / len(iterations))
         length *= float(np.clip(change, 1.0 / _CHANGE, _CHANGE))
+        longest = max(longest, length)
     raise NotConverged(f"by arc length: got {_MOST_STEPS} steps; expected fewer")
 
 

@@ -99,6 +99,23 @@ def test_a_path_that_is_too_long_is_given_up(monkeypatch: pytest.MonkeyPatch) ->
         followed(arch(20, 10.0), "direct", 1e-3, 9.0)
 
 
+def test_a_path_that_cannot_get_past_a_place_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Steps that still fit before it are half as long each time, and would go on for ever."""
+    case, tried, real = arch(20, 10.0), [], arc_length._Branch.step
+
+    def step(self, u, *rest):  # type: ignore[no-untyped-def]
+        tried.append(u)
+        du, *found = real(self, u, *rest)
+        if case.values(u + du)[0] > 0.2:
+            raise NotConverged("too far")
+        return du, *found
+
+    monkeypatch.setattr(arc_length._Branch, "step", step)
+    with pytest.raises(NotConverged, match="by arc length: too far"):
+        followed(case, "direct", 2.0, 9.0)
+    assert case.values(tried[-1])[0] == pytest.approx(0.2, rel=1e-2) and len(tried) < 50
+
+
 def test_steps_that_fail_are_shorter_the_next_time() -> None:
     """A first step many times as long as the body can't be made."""
     case = arch(20, 1e7)
