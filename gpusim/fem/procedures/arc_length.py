@@ -31,14 +31,14 @@ _CHANGE = 2.0
 
 @dataclass(frozen=True)
 class LoadPath:
-    """Load factors ``begin`` + s (``target`` - ``begin``), both (L,); the path is in s."""
+    """Load factors from ``begin`` to ``target``, both (L,), in equal shares; the path is in s."""
 
     begin: Float
     target: Float
 
     def factors(self, s: float) -> Float:
         """(L,) of the load cases."""
-        return self.begin + s * (self.target - self.begin)
+        return (1.0 - s) * self.begin + s * self.target
 
 
 @dataclass(frozen=True, eq=False)

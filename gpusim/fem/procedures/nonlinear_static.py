@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-
-import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.element_responses import element_responses
-from gpusim.fem.assembly.equation import Equation, external_forces
+from gpusim.fem.assembly.equation import Equation
 from gpusim.fem.assembly.stiffness_rounding import extremes
 from gpusim.fem.linear.solve_plan import Options
 from gpusim.fem.linear.tangent_solver import TangentSolver
@@ -52,7 +49,6 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
         cause = extremes(model)
         message = f"{error}; the model has {cause}" if cause else str(error)
     options.clock.mark("load steps")
-    steps = _with_work(model, steps)
     last = steps[-1]
     reasons = () if solver.plan is None else solver.plan.lines
     return Solution(
@@ -69,15 +65,3 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
         reasons=reasons,
         model=model,
     )
-
-
-def _with_work(model: Model, steps: Sequence[LoadStep]) -> list[LoadStep]:
-    """With the work of loads and supports along the path, up to each step (trapezoidal rule)."""
-    total, u, forces = 0.0, np.zeros_like(steps[0].u), np.zeros_like(steps[0].u)
-    told = []
-    for step in steps:
-        acting = external_forces(model, step.u, step.factors) + step.reactions
-        total += 0.5 * float(np.vdot(acting + forces, step.u - u))
-        u, forces = step.u, acting
-        told.append(replace(step, external_work=total))
-    return told
