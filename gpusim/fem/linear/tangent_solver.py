@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -128,11 +129,9 @@ class TangentSolver:
     def _take(self, tangent: Tangent, assembled: Assembled, system: System) -> None:
         """Factors or levels of a matrix, unless it turns out to be indefinite."""
         self._taken, self._indefinite = None, None
-        try:
+        with suppress(NotConverged):
             self._update(tangent, assembled, system)
             self._taken = tangent.u
-        except NotConverged:
-            pass
 
     def _take_material_part(self, tangent: Tangent, forces: Float, given: Float) -> None:
         if self._indefinite is not tangent:

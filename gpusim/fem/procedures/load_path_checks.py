@@ -84,12 +84,11 @@ def _flow_warning(steps: Sequence[LoadStep]) -> tuple[str, ...]:
 
 def _locking_warning(responses: Sequence[ElementResponse]) -> list[str]:
     """Metal in cells that can't flow at constant volume."""
-    blocks = [one.block for one in responses if isinstance(one.block.law, J2)]
     return [
         f"{len(block.cells)} {block.name} ({block.formulation!r}) can't flow at constant volume: "
         "where metal yields they are far too stiff"
-        for block in blocks
-        if not fit_for_flow(block.name, block.formulation)
+        for block in (one.block for one in responses)
+        if isinstance(block.law, J2) and not fit_for_flow(block.name, block.formulation)
     ]
 
 

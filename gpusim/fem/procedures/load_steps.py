@@ -3,7 +3,7 @@ arc length past limit points."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -13,8 +13,8 @@ from gpusim.errors import NotConverged
 from gpusim.fem.assembly.equation import Equation
 from gpusim.fem.linear.tangent_solver import TangentSolver
 from gpusim.fem.model.solution import Iteration, LoadStep
-from gpusim.fem.procedures.arc_length import LoadPath, PathPoint, follow_path
-from gpusim.fem.procedures.newton import Controls, Steps, equilibrium
+from gpusim.fem.procedures.arc_length import LoadPath, follow_path
+from gpusim.fem.procedures.newton import Controls, Equilibrium, Steps, equilibrium
 from gpusim.fem.recovery.linear_theory import turns_over
 
 # share of a step below which no cut-back is tried
@@ -43,18 +43,15 @@ class _Stepping:
     substeps: int = 0
     iterations: list[Iteration] = field(default_factory=list)
 
-    def begin(self, path: LoadPath) -> None:
-        self.path, self.done, self.most = path, 0.0, 0.0
-
-    def move(self, share: float, u: Float, iterations: Sequence[Iteration]) -> None:
-        factors, way = self.path.factors(share), u - self.u
-        self.reactions = self.equation.reactions(u, factors)
-        acting = self.equation.external(u, factors) + self.reactions
+    def move(self, found: Equilibrium) -> None:
+        factors, way = self.path.factors(found.share), found.u - self.u
+        self.reactions = self.equation.reactions(found.u, factors)
+        acting = self.equation.external(found.u, factors) + self.reactions
         self.work += 0.5 * float(np.vdot(self.acting + acting, way))
-        self.u, self.acting, self.length = u, acting, float(np.linalg.norm(way))
-        self.done, self.most = share, max(self.most, share)
+        self.u, self.acting, self.length = found.u, acting, float(np.linalg.norm(way))
+        self.done, self.most = found.share, max(self.most, found.share)
         self.substeps += 1
-        self.iterations += iterations
+        self.iterations += found.iterations
 
     def load_step(self, wanted: bool) -> LoadStep:
         """What has been moved since the last one."""
@@ -79,7 +76,7 @@ def load_steps(
     begin, wanted = np.zeros(targets.shape[1]), controls
     stepping = _Stepping(equation, LoadPath(begin, begin), rest, rest)
     for number, target in enumerate(targets, start=1):
-        stepping.begin(LoadPath(begin, target))
+        stepping.path, stepping.done, stepping.most = LoadPath(begin, target), 0.0, 0.0
         try:
             yield from _passed(solver, stepping, wanted)
         except NotConverged as last:
@@ -114,8 +111,7 @@ def _passed(solver: TangentSolver, stepping: _Stepping, controls: Controls) -> I
 def _by_halving(solver: TangentSolver, stepping: _Stepping, controls: Controls) -> None:
     """To the end of the path: a step in which Newton's method fails is halved until it is found,
     and doubled again after two that were."""
-    equation = stepping.equation
-    share, in_a_row = 1.0, 0
+    equation, share, in_a_row = stepping.equation, 1.0, 0
     while stepping.done < 1.0:
         share = min(share, 1.0 - stepping.done)
         end = stepping.done + share
@@ -135,7 +131,7 @@ def _by_halving(solver: TangentSolver, stepping: _Stepping, controls: Controls) 
                 controls, share = replace(controls, steady=False), 1.0
             continue
         equation.commit(found.u, factors)
-        stepping.move(end, found.u, found.iterations)
+        stepping.move(replace(found, share=end))
         in_a_row += 1
         if in_a_row == 2:
             share, in_a_row = 2.0 * share, 0
@@ -146,12 +142,13 @@ def _by_arc_length(
 ) -> Iterator[LoadStep]:
     """The same past limit points: until the path crosses its end, where Newton's method goes on."""
     equation, path = stepping.equation, stepping.path
-    start = PathPoint(stepping.done, stepping.u, ())
+    start = Equilibrium(stepping.u, (), stepping.done)
     for point in follow_path(equation, solver, path, start, stepping.length, controls):
-        if point.s < 1.0:
-            stepping.move(point.s, point.u, point.iterations)
+        if point.share < 1.0:
+            stepping.move(point)
             yield stepping.load_step(False)
             continue
         found = equilibrium(equation, solver, point.u, path.target, controls)
         equation.commit(found.u, path.target)
-        stepping.move(1.0, found.u, (*point.iterations, *found.iterations))
+        stepping.iterations += point.iterations
+        stepping.move(found)

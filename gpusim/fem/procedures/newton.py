@@ -37,15 +37,11 @@ _LOST = 1e3
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """``u`` (N,3) in equilibrium, and how it was found."""
+    """``u`` (N,3) in equilibrium, at a ``share`` of a load path, and how it was found."""
 
     u: Float
     iterations: tuple[Iteration, ...]
-
-    @property
-    def error_estimate(self) -> float:
-        """Relative, of the greatest displacement, here or where the step began."""
-        return self.iterations[-1].error_estimate
+    share: float = 1.0
 
 
 class Steps(Enum):
@@ -122,7 +118,9 @@ def _iterated(
         ended = error <= controls.tolerance or step <= _ROUNDING * size
         definite = found.definite
         if ended and definite:
-            if controls.steps is Steps.FORETOLD and _rough(steps, size):
+            # what a long step foretold may be far from the stresses of a state that is led evenly,
+            # and found in two steps; what the last one foretells is right as far as `u` is
+            if controls.steps is Steps.FORETOLD and max(steps[-2:]) > _FORETELLS * size:
                 tangent = equation.linearised(u, factors)
                 definite = solver.definite_anew(tangent)
             else:
@@ -146,13 +144,6 @@ def _iterated(
             tangent = line_search(equation, tangent, du)
         else:
             tangent = equation.linearised(u, factors)
-
-
-def _rough(steps: Sequence[float], size: float) -> bool:
-    """Whether the last tangent's stresses, foretold by the step before the last one, may be others
-    than those of the state: one that is led evenly is found in two steps, however long. Those that
-    the last step foretells are right as far as the state is."""
-    return len(steps) > 1 and steps[-2] > _FORETELLS * size
 
 
 def error_left(steps: Sequence[float], residual: float) -> float:

@@ -49,10 +49,9 @@ def nonlinear_static(model: Model, targets: Float, options: Options) -> Solution
         cause = extremes(model)
         message = f"{error}; the model has {cause}" if cause else str(error)
     options.clock.mark("load steps")
-    last = steps[-1]
     reasons = () if solver.plan is None else solver.plan.lines
     return Solution(
-        **load_path_results(steps, last),
+        **load_path_results(steps, steps[-1]),
         converged=message == "converged",
         unknowns=int(equation.unknown.sum()),
         message=message,
