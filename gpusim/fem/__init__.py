@@ -31,6 +31,7 @@ from gpusim.fem.materials.law import Law, Material, Update
 from gpusim.fem.materials.neo_hookean import NeoHookean
 from gpusim.fem.materials.orthotropic import Orthotropic
 from gpusim.fem.materials.saint_venant_kirchhoff import SaintVenantKirchhoff
+from gpusim.fem.model.buckling import Buckling
 from gpusim.fem.model.constraints import Equations, equations, tie
 from gpusim.fem.model.damping import ModalDamping, Rayleigh, StructuralDamping
 from gpusim.fem.model.follower_loads import FollowerPressure
@@ -45,15 +46,19 @@ from gpusim.fem.model.loads import (
 )
 from gpusim.fem.model.mass import lumped_mass, mass_matrix
 from gpusim.fem.model.model import Model
+from gpusim.fem.model.modes import Modes
 from gpusim.fem.model.solution import LoadStep, Solution
 from gpusim.fem.model.supports import symmetry
 from gpusim.fem.model.thermal_loads import thermal
+from gpusim.fem.procedures.buckling import buckling
+from gpusim.fem.procedures.modes import modes
 from gpusim.fem.procedures.statics import solve
 from gpusim.fem.recovery.stress import Stress, principal, stress, von_mises
 
 __all__ = [
     "J2",
     "METHODS",
+    "Buckling",
     "Equations",
     "FollowerPressure",
     "Hencky",
@@ -64,6 +69,7 @@ __all__ = [
     "Material",
     "ModalDamping",
     "Model",
+    "Modes",
     "NeoHookean",
     "Orthotropic",
     "Rayleigh",
@@ -74,12 +80,14 @@ __all__ = [
     "Update",
     "Voce",
     "body_force",
+    "buckling",
     "centrifugal",
     "equations",
     "face_force",
     "line_force",
     "lumped_mass",
     "mass_matrix",
+    "modes",
     "nodal_force",
     "pressure",
     "principal",
