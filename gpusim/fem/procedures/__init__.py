@@ -21,4 +21,11 @@ In the order in which data passes:
 - `modes`: Modal analysis: natural frequencies and mode shapes, K u = omega^2 M u.
 - `buckling`: Linear buckling: factors of the load at which stiffness is lost, (K + factor K_g) u =
   0.
+- `modal_basis`: Modal bases: modes, and what static responses have beyond them.
+- `forced_vibration`: Forced vibration: a model as it is discretised, and the one load that drives it.
+- `harmonic`: Harmonic response: steady vibration under loads, or on a base, that vary as exp(i omega
+  t).
+- `frequency_response`: Frequency-response functions: what one point does per unit of force at another.
+- `random_response`: Random response: stationary vibration under a load, or on a base, known by its
+  spectral density.
 """
