@@ -146,6 +146,7 @@ class Deck:
                 loss_factor=self.loss_factor,
                 model_of=self.model_of,
                 tolerance=tolerance,
+                method=method,
                 static=found,
                 before=tuple(results),
             )

@@ -69,7 +69,7 @@ class Dynamics(Procedure):
         rule = "exact" if analysis.formulation.get("hex20") == "reduced" else MASS
         problem = InitialValueProblem(model, analysis.formulation, rule, factors, u, v, share)
         names, limit = analysis.formulation, analysis.tolerance
-        options = Options("auto", None, "numpy", limit, None, None, None, names, Clock())
+        options = Options(analysis.method, None, "numpy", limit, None, None, None, names, Clock())
         moving = NonlinearMotion if analysis.nonlinear else LinearMotion
         motion: Motion = moving(problem, scheme, analysis.damping, options)
         fields = integrated(motion, partial(_states, motion, times), times, None, None)

@@ -70,7 +70,9 @@ class Frequency(Procedure):
         about, names = equilibrium(step, analysis), analysis.formulation
         model = analysis.model_of([step]) if about is None else about.model
         assert model is not None
-        found = modes(model, self.count, mass=MASS, formulation=names, prestress=about)
+        found = modes(
+            model, self.count, mass=MASS, formulation=names, prestress=about, method=analysis.method
+        )
         at = found.frequencies
         inside = (at >= self.least) & (at <= self.greatest)
         chosen = {name: getattr(found, name)[inside] for name in _OF_MODES}
@@ -98,7 +100,7 @@ class LinearBuckling(Procedure):
     def solve(self, step: Step, analysis: Analysis) -> Buckling:
         """By linear theory."""
         model, names = analysis.model_of([step]), analysis.formulation
-        return buckling(model, self.count, formulation=names)
+        return buckling(model, self.count, formulation=names, method=analysis.method)
 
 
 def equilibrium(step: Step, analysis: Analysis) -> Solution | None:
@@ -113,7 +115,7 @@ def equilibrium(step: Step, analysis: Analysis) -> Solution | None:
     warm = None if state.temperature is None else state.temperature[None]
     materials = [at_finite_strain(one) for one in analysis.materials]
     model = analysis.model_of([state])
-    model = replace(model, materials=materials, temperature=warm, loads=state.followers)
+    model = replace(model, materials=materials, temperature=warm, loads=state.followers())
     return replace(found, model=model)
 
 

@@ -46,7 +46,7 @@ class Step:
     of the ``path`` on the way to this one included; ``increments`` (K,) are the times of the load
     steps that are solved for, the end of the step the last of them.
 
-    In a linear deck the ``forces`` of pressures act on the body at rest; ``followers`` are these
+    In a linear deck the ``forces`` of pressures act on the body at rest; ``followers`` makes these
     pressures as perturbations of the state see them.
 
     ``procedure`` is what the step does. In one in which the body moves, what acts is the sum of the
@@ -70,7 +70,7 @@ class Step:
     constraints: tuple[Equations, ...]
     procedure: Procedure
     loads: tuple[FollowerPressure, ...] = ()
-    followers: tuple[FollowerPressure, ...] = ()
+    followers: Callable[[], tuple[FollowerPressure, ...]] = tuple
     path: tuple[Step, ...] = ()
     increments: Float = field(default_factory=lambda: np.zeros(0))
     motion: Motion | None = None
@@ -145,5 +145,6 @@ class Analysis:
     loss_factor: float
     model_of: Callable[[Sequence[Step]], Model]
     tolerance: float
+    method: str
     static: Mapping[int, Solution]
     before: Sequence[Result]

@@ -19,6 +19,7 @@ from gpusim.deck.materials import Body
 from gpusim.deck.modal_dynamics import HarmonicDynamics, ModalDynamics, read_modal_damping
 from gpusim.deck.procedures import Frequency, LinearBuckling, Static, last_static
 from gpusim.deck.step import Motion, Procedure, Step
+from gpusim.fem import FollowerPressure
 from gpusim.fem.model.constraints import touched
 from gpusim.fem.model.damping import Damping
 from gpusim.mesh.formats.abaqus.cards import Card, number, whole
@@ -218,6 +219,9 @@ class History:
             "BETA of *DAMPING at large displacements, where it would damp rotations": (
                 moves and body.nonlinear and body.damping.stiffness > 0.0
             ),
+            "AMPLITUDE=RAMP of *STEP; expected loads that are there at once": (
+                procedure.moves and step.card.parameters.get("AMPLITUDE", "").upper() == "RAMP"
+            ),
             "*BUCKLE at large displacements; expected linear statics": (
                 body.nonlinear and isinstance(procedure, LinearBuckling)
             ),
@@ -343,7 +347,9 @@ class History:
         if self.temperature is not None and not alone:
             change = self.temperature.at(moment) - moment.factors[0] * self.initial
         forces, pressed = own.nodal_forces(moment), own.pressed(moment)
-        followers = () if pressed is None else following_pressures(self.body, *pressed)
+        followers: Callable[[], tuple[FollowerPressure, ...]] = tuple
+        if pressed is not None:
+            followers = partial(following_pressures, self.body, *pressed)
         if pressed is not None and not self.body.nonlinear:
             forces += pressure_forces(self.body, *pressed)
         for one in own.body_forces(moment):
@@ -362,6 +368,6 @@ class History:
             temperature=change,
             constraints=constraints,
             procedure=step.procedure,
-            loads=followers if self.body.nonlinear else (),
+            loads=followers() if self.body.nonlinear else (),
             followers=followers,
         )

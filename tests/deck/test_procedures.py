@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 
@@ -22,7 +23,7 @@ from gpusim.deck import Deck, load_deck
 from gpusim.deck.step import Result
 from gpusim.errors import InputError, NotConverged
 from tests.support.calculix_output import Answer, difference, printed
-from tests.support.deck_texts import FIXED, MATERIAL, METAL, MODEL, deck, step, write
+from tests.support.deck_texts import FIXED, LABELS, MATERIAL, METAL, MODEL, deck, step, write
 from tests.support.vibration_decks import DECKS
 
 # of frequencies and factors; of displacements, over the greatest at that time
@@ -260,6 +261,7 @@ SPEED = "*INITIAL CONDITIONS, TYPE=VELOCITY\nALL, 1, 2.\n"
         ([MODES, STEADY.replace("DYNAMICS", "DYNAMICS, HARMONIC=NO")], {}, "HARMONIC=NO"),
         ([MODES, STEADY.replace("0.1, 2.", "2., 0.1")], {}, "band; got 2 to 0.1"),
         ([MODES, DIRECT], {}, "steps before that aren't *STATIC or *DYNAMIC"),
+        ([DIRECT.replace("*STEP", "*STEP, AMPLITUDE=RAMP")], {}, "AMPLITUDE=RAMP of *STEP"),
         ([DIRECT, LINEAR], {}, "*STATIC: after a step in which the body moves"),
         ([DIRECT.replace("DIRECT", "EXPLICIT")], {}, "parameter EXPLICIT isn't supported"),
         ([DIRECT.replace("DIRECT", "ALPHA=-0.5")], {}, "ALPHA; got -0.5; expected -1/3 to 0"),
@@ -389,8 +391,16 @@ def test_files_and_report(tmp_path: Path) -> None:
     assert report["steps"][2]["largest_displacement"] == pytest.approx(size.max(), rel=1e-12)
     with np.load(tmp_path / "out" / "step_0003.npz") as stored:
         np.testing.assert_array_equal(stored["times"], history.times)
-        np.testing.assert_allclose(stored["u"], history.u, rtol=0, atol=0)
+        u = np.tensordot(stored["amplitudes"], stored["shapes"], axes=1)
+        np.testing.assert_allclose(u, history.u, rtol=1e-12, atol=1e-14 * size.max())
     with np.load(tmp_path / "out" / "step_0004.npz") as stored:
-        np.testing.assert_array_equal(stored["u"], response.u)
+        u = np.tensordot(stored["amplitudes"], stored["shapes"], axes=1)
+        np.testing.assert_array_equal(u, response.u)
+    greatest = np.linalg.norm(response.amplitude, axis=2)
+    k, node = np.unravel_index(greatest.argmax(), greatest.shape)
+    assert report["steps"][3]["at_frequency"] == response.frequencies[k]
+    assert report["steps"][3]["largest_displacement_node"] == LABELS[node]
+    mesh = meshio.read(tmp_path / "out" / "solution_0004.vtu")
+    np.testing.assert_allclose(mesh.point_data["u"], response.at(int(k)), rtol=1e-12)
     with np.load(tmp_path / "out" / "displacements.npz") as stored:
         assert stored["u"].shape == (1, 12, 3)
