@@ -276,6 +276,8 @@ class History:
         if pulled and (step.perturbation or isinstance(procedure, Dynamics)):
             step.card.fail("displacements of supports; expected none with *DYNAMIC, nor about a "
                            "stressed state")  # fmt: skip
+        if any(one.temperature is not None and one.temperature.any() for one in of_motion):
+            step.card.fail("a changed temperature where the body moves; expected *STATIC")
         for one in (*path, state, *of_motion) if self.body.nonlinear else of_motion:
             if not one.held_as((*self.steps, *path, state)[0] if self.body.nonlinear else state):
                 step.card.fail(

@@ -261,6 +261,7 @@ SPEED = "*INITIAL CONDITIONS, TYPE=VELOCITY\nALL, 1, 2.\n"
         ([MODES, STEADY.replace("DYNAMICS", "DYNAMICS, HARMONIC=NO")], {}, "HARMONIC=NO"),
         ([MODES, STEADY.replace("0.1, 2.", "2., 0.1")], {}, "band; got 2 to 0.1"),
         ([MODES, DIRECT], {}, "steps before that aren't *STATIC or *DYNAMIC"),
+        ([DIRECT.replace("*CLOAD", "*TEMPERATURE\nALL, 5.\n*CLOAD")], {}, "a changed temperature"),
         ([DIRECT.replace("*STEP", "*STEP, AMPLITUDE=RAMP")], {}, "AMPLITUDE=RAMP of *STEP"),
         ([DIRECT, LINEAR], {}, "*STATIC: after a step in which the body moves"),
         ([DIRECT.replace("DIRECT", "EXPLICIT")], {}, "parameter EXPLICIT isn't supported"),
