@@ -90,6 +90,13 @@ class ModalDynamics(Superposition):
         """Of the cards of a step. Raises InputError."""
         return cls(replace(Increments.read(card, step), equal=True, at_once=True))
 
+    def unfit(self, before: Sequence[Step], perturbation: bool) -> str:
+        """A second one about a stressed state, at which CalculiX forgets displacements alone."""
+        again = perturbation and any(isinstance(one.procedure, ModalDynamics) for one in before)
+        return super().unfit(before, perturbation) or (
+            "a second *MODAL DYNAMIC about a stressed state; expected one" if again else ""
+        )
+
     def solve(self, step: Step, analysis: Analysis) -> History:
         """From where the step just before has left the body; *FREQUENCY has it rest."""
         assert step.motion is not None

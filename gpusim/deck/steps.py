@@ -186,8 +186,7 @@ class History:
         if problem:
             card.fail(problem)
         # what a state is stressed by isn't there again for perturbations of it
-        again = any(one.perturbation and one.procedure.moves for one in self.steps)
-        if procedure.fresh or (step.perturbation and procedure.moves and not again):
+        if procedure.fresh or (step.perturbation and procedure.moves):
             self.forces.clear()
             self.quadrature.clear()
             if self.temperature is not None:
@@ -322,6 +321,11 @@ class History:
             for ahead, forces in ((False, self.forces), (True, self.quadrature))
         ]
         acting = [one for one in acting if not one[0].idle] or acting[:1]
+        modal = [one for one in self.steps if isinstance(one.procedure, ModalDynamics)]
+        if modal and isinstance(step.procedure, ModalDynamics):
+            if any(course.number and not course.step for _, course, _ in acting):
+                step.card.fail("an amplitude over total time in a second step with *MODAL DYNAMIC, "
+                               "where programs differ; expected one over its own time")  # fmt: skip
         return Motion(interval.begin, *zip(*acting, strict=True))
 
     def _on_the_way(self, procedure: Procedure, interval: Interval) -> Float:

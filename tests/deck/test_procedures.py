@@ -52,6 +52,11 @@ REFERENCES: dict[str, list[Answer]] = {
         ("motion", (6.4e-05, 7, [0.0003864352, 0.0006701497, 0.003288284])),
         ("motion", (0.0001, 21, [-0.0007405462, 0.007184169, -0.001081603])),
     ],
+    "modal_let_go": [
+        ("modes", [17309.27, 17526.66, 100847.5, 104864.7, 105959.6, 165222.2]),
+        ("motion", (1.000024, 14, [-0.002167123, 2.429741e-15, -0.02360815])),
+        ("motion", (1.00004, 14, [-0.0006644286, 7.524577e-15, -0.007862428])),
+    ],
     "steady_rayleigh": [
         ("modes", [17309.27, 17526.66, 100847.5, 104864.7, 105959.6, 165222.2]),
         (
@@ -254,6 +259,10 @@ SPEED = "*INITIAL CONDITIONS, TYPE=VELOCITY\nALL, 1, 2.\n"
          "other supports than in step 1"),
         ([MODAL], {}, "no modes; expected a step with *FREQUENCY before it"),
         ([STEADY], {}, "no modes"),
+        ([LINEAR, ABOUT, *[MODAL.replace("*STEP", "*STEP, PERTURBATION")] * 2], {},
+         "a second *MODAL DYNAMIC about a stressed state"),
+        ([MODES, *[MODAL.replace("*CLOAD", "*CLOAD, AMPLITUDE=TOTAL")] * 2], {},
+         "an amplitude over total time in a second step"),
         ([LINEAR, ABOUT, MODAL], {}, "PERTURBATION where *FREQUENCY has it"),
         ([MODES, MODAL.replace("*MODAL DYNAMIC", "*MODAL DYNAMIC, DIRECT=NO")], {}, "DIRECT=NO"),
         ([MODES, MODAL.replace("*MODAL DYNAMIC", "*MODAL DYNAMIC, STEADY STATE")], {},
@@ -295,6 +304,7 @@ SPEED = "*INITIAL CONDITIONS, TYPE=VELOCITY\nALL, 1, 2.\n"
 )  # fmt: skip
 def test_refused(parts: list[str], blocks: dict[str, str], message: str, tmp_path: Path) -> None:
     amplitude = "*AMPLITUDE, NAME=A\n0., 0., 1., 1.\n"
+    amplitude += "*AMPLITUDE, NAME=TOTAL, TIME=TOTAL TIME\n0., 0., 1., 1.\n"
     text = deck(*parts, model=MODEL + amplitude, **blocks)
     with pytest.raises(InputError) as caught:
         load_deck(write(tmp_path, text))
