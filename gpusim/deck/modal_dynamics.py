@@ -37,6 +37,8 @@ from gpusim.validation import require
 
 # of *STEADY STATE DYNAMICS: points between two natural frequencies, and their bias to these
 _POINTS, _BIAS = 20, 3.0
+# modes, and points between two of them, more than which nobody means
+_MOST = 100_000
 # of a static answer
 _TOLERANCE = 1e-10
 # nearer to an undamped resonance, relative to its square, the response isn't known
@@ -55,7 +57,8 @@ def read_modal_damping(card: Card) -> Damping:
     for line, row in card.records(3, 3, "first and last mode, ratio"):
         first = whole(row[0], line)
         last, ratio = whole(row[1] or row[0], line), number(row[2], line)
-        require(1 <= first <= last, f"{line}: modes", f"{first} to {last}", "numbers that grow")
+        expected = f"numbers that grow, up to {_MOST}"
+        require(1 <= first <= last <= _MOST, f"{line}: modes", f"{first} to {last}", expected)
         require(0.0 <= ratio < 1.0, f"{line}: ratio", f"{ratio:g}", "0 to below 1")
         ratios += [0.0] * (last - len(ratios))
         ratios[first - 1 : last] = [ratio] * (last + 1 - first)
@@ -143,6 +146,8 @@ class HarmonicDynamics(Superposition):
         least, greatest, points, bias = values(card, 4)
         got, fits = f"{least:g} to {greatest:g}", 0.0 <= least <= greatest and greatest > 0.0
         require(fits, f"{card.where()}: band", got, "two frequencies >= 0 that grow")
+        what = f"{card.where()}: points between natural frequencies"
+        require(0.0 <= points <= _MOST, what, f"{points:g}", f"at most {_MOST}")
         points = max(int(points), 2) if points else _POINTS
         return cls(NONE, least, greatest, points, bias if bias >= 1.0 else _BIAS)
 

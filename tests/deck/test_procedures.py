@@ -269,6 +269,7 @@ SPEED = "*INITIAL CONDITIONS, TYPE=VELOCITY\nALL, 1, 2.\n"
          "STEADYSTATE"),
         ([MODES, STEADY.replace("DYNAMICS", "DYNAMICS, HARMONIC=NO")], {}, "HARMONIC=NO"),
         ([MODES, STEADY.replace("0.1, 2.", "2., 0.1")], {}, "band; got 2 to 0.1"),
+        ([MODES, STEADY.replace("0.1, 2.", "0.1, 2., 1.E12")], {}, "got 1e+12; expected at most"),
         ([MODES, DIRECT], {}, "steps before that aren't *STATIC or *DYNAMIC"),
         ([DIRECT.replace("*CLOAD", "*TEMPERATURE\nALL, 5.\n*CLOAD")], {}, "a changed temperature"),
         ([DIRECT.replace("*STEP", "*STEP, AMPLITUDE=RAMP")], {}, "AMPLITUDE=RAMP of *STEP"),
