@@ -20,6 +20,9 @@ from gpusim.validation import finite_numbers, require
 Loads = npt.ArrayLike | Record | Callable[[float], npt.ArrayLike]
 Initial = Solution | tuple[npt.ArrayLike, npt.ArrayLike]
 
+# of the greatest displacement or velocity, that constraints may miss at first
+_CONSISTENT = 1e-6
+
 
 @dataclass(frozen=True, eq=False)
 class InitialValueProblem:
@@ -72,8 +75,11 @@ def load_factors(loads: Loads | None, cases: int, times: Float, spacing: float) 
     if callable(loads):
         steps = int(np.ceil((times[-1] - times[0]) / spacing))
         asked = np.linspace(times[0], times[-1], steps + 1)
-        values = np.stack([np.broadcast_to(loads(float(time)), (cases,)) for time in asked])
-        loads = Record(asked, values)
+        shapes, expected = [(cases,), ()][: 1 + (cases == 1)], f"{cases} finite factors"
+        found = [
+            finite_numbers(loads(float(t)), "transient: loads", shapes, expected) for t in asked
+        ]
+        loads = Record(asked, np.reshape(found, (-1, cases)))
     elif not isinstance(loads, Record):
         shapes = [(len(times), cases)] + [(len(times),)] * (cases == 1)
         expected = f"finite numbers at each of the {len(times)} times, for {cases} load cases"
@@ -119,6 +125,10 @@ def initial_state(model: Model, initial: Initial | None) -> tuple[Float, Float]:
     require(pair, "transient: initial", type(initial).__name__, expected)
     u, v = (finite_numbers(one, "transient: initial", [shape], expected) for one in initial)
     assert model.fixed is not None
-    held = not (u[model.fixed].any() or v[model.fixed].any())
-    require(held, "transient: initial", "motion of fixed nodes", "0 where model.fixed")
+    for moved in (u, v):
+        what, allowed = "transient: initial", _CONSISTENT * np.abs(moved).max()
+        require(not moved[model.fixed].any(), what, "motion of fixed nodes", "0 where model.fixed")
+        for one in model.constraints:
+            fits = bool(np.abs(one.matrix @ moved.ravel()).max(initial=0.0) <= allowed)
+            require(fits, what, "motion against constraints", "what they allow")
     return u, v

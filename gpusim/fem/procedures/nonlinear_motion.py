@@ -91,11 +91,11 @@ class NonlinearMotion:
 
     @property
     def message(self) -> str:
-        """Of Newton's method."""
+        """How steps were solved."""
         return f"{np.mean(self._counts):.1f} iterations each"
 
     def size(self, duration: float) -> float:
-        """By linear theory."""
+        """About the greatest displacement, by linear theory."""
         return self._linear.size(duration)
 
     def begin(self, time: float) -> State:
@@ -133,25 +133,25 @@ class NonlinearMotion:
         return replace(after, gains=state.gains + self._gains(state, after))
 
     def error(self, before: State, after: State) -> float:
-        """Without what a step as long doesn't resolve of motions: they stay small themselves."""
+        """As that of `LinearMotion`."""
         tangent = self.equation.linearised(after.u, self._factors(after.time))
         pull = self.equation.shift.forces(self._scheme.local_error(before, after)[None])
         found = self._solver.correction(tangent, pull, np.zeros_like(pull), _ROUGHLY)
         return float(np.abs(found.du).max())
 
     def displacements(self, x: Float) -> Float:
-        """They are."""
+        """(N,3) of those of states."""
         return x
+
+    def energies(self, state: State) -> Float:
+        """(2,) kinetic and strain energy, where the last step began or ended."""
+        return self._balances[state.time].energies
 
     def _inertia(self, a: Float) -> Float:
         return np.asarray(self._mass.forces(a[None])[0])
 
     def _factors(self, time: float) -> Float:
         return np.asarray(self._problem.factors.at(np.array([time]))[0])
-
-    def energies(self, state: State) -> Float:
-        """As they were found in the step."""
-        return self._balances[state.time].energies
 
     def _balance(self, time: float, u: Float, v: Float) -> Balance:
         equation, factors, strain = self.equation, self._factors(time), 0.0

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
 from gpusim.fem.linear.solve_plan import Clock, Options
-from gpusim.fem.model.damping import Damping, Rayleigh, StructuralDamping
+from gpusim.fem.model.damping import Damping, ModalDamping, Rayleigh
 from gpusim.fem.model.history import (
     ENERGIES,
     FilePath,
@@ -38,13 +38,15 @@ from gpusim.fem.procedures.modes import modes
 from gpusim.fem.procedures.time_integration import (
     METHODS,
     LinearMotion,
-    Motion,
     Scheme,
     StepSize,
     time_steps,
 )
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import Count, Rule, Share, checked, is_number, one_of, require
+
+if TYPE_CHECKING:
+    from gpusim.fem.procedures.nonlinear_motion import NonlinearMotion
 
 Tolerance = Annotated[float, Rule("a number in (0, 1)", lambda value: 0.0 < value < 1.0)]
 Progress = Callable[[int, float], None]
@@ -55,6 +57,8 @@ _SUBSTEPS = 4
 _INSTANTS, _FRAMES = 1024, 16
 # share of an energy from which on a warning says that modes lack it
 _LACKING = 0.01
+# error of each solution, at most: that of adaptive steps may be greater
+_SOLUTION = 1e-5
 # of the sum of loads over time, that steps may miss
 _MISSED = 0.05
 # of the greatest displacement, in a step, from which on a warning says so
@@ -122,13 +126,14 @@ def transient(
     >>> f"{np.asarray(history.u)[:, -1, 2].max() / gs.solve(model).u[-1, 2]:.2f}"
     '1.90'
     """
-    at, names = increasing(times, "transient: times"), resolve_formulation(model, formulation)
-    first = _first_step(at, step)
-    _check_fit(method, damping, geometry)
-    factors = load_factors(loads, len(checked_model(model).load_cases), at, first)
+    at, cases = increasing(times, "transient: times"), len(checked_model(model).load_cases)
+    names, first = resolve_formulation(model, formulation), _first_step(at, step)
+    _check_fit(method, damping, geometry, progress)
+    factors = load_factors(loads, cases, at, first)
     problem = InitialValueProblem(model, names, mass, factors, *initial_state(model, initial))
     problem = with_moving_ground(problem, base)
-    options = Options("auto", None, "numpy", tolerance, None, None, None, names, Clock())
+    sharp = min(tolerance, _SOLUTION)
+    options = Options("auto", None, "numpy", sharp, None, None, None, names, Clock())
     with one_blas_thread():
         if method == "modal":
             found = modes(model, count, formulation=names, mass=mass)
@@ -159,33 +164,32 @@ def _fine_step(problem: InitialValueProblem, step: float, given: bool) -> float:
         got = f"{step:.3g}, which misses {missed:.0%} of the loads in between"
         require(not given, "transient: step, too long", got, f"{_MISSED:.0%} at most")
         step *= 0.5
-    duration = float(np.ptp(problem.factors.times))
-    require(
-        step <= duration, "transient: step, too long", step, f"at most {duration:.6g}, all of it"
-    )
+    whole, what = float(np.ptp(problem.factors.times)), "transient: step, too long"
+    require(step <= whole, what, step, f"at most {whole:.6g}, all of it")
     return step
 
 
-def _check_fit(method: str, damping: Damping | None, geometry: str) -> None:
+def _check_fit(
+    method: str, damping: Damping | None, geometry: str, progress: Progress | None
+) -> None:
     """Raises InputError for what a method can't do."""
-    linear, what, got = geometry == "linear", "transient: damping", repr(damping)
-    require(linear or method != "modal", "transient: method at large displacements", method,
-            f"one of {', '.join(METHODS)}")  # fmt: skip
-    if damping is None:
-        return
-    harmonic = isinstance(damping, StructuralDamping)
-    require(not harmonic, what, got, "Rayleigh or ModalDamping: that of structures is harmonic")
-    if not isinstance(damping, Rayleigh):
-        require(method == "modal", what, got, "Rayleigh, or method='modal'")
-    else:
-        expected = "stiffness=0 at large displacements: it would damp rotations"
-        require(linear or damping.stiffness == 0.0, what, got, expected)
+    called, linear = progress is None or callable(progress), geometry == "linear"
+    require(called, "transient: progress", repr(progress), "a function, or None")
+    fits, what = linear or method != "modal", "transient: method at large displacements"
+    require(fits, what, method, f"one of {', '.join(METHODS)}")
+    what, got, dragging = "transient: damping", repr(damping), isinstance(damping, Rayleigh)
+    known = damping is None or dragging or isinstance(damping, ModalDamping)
+    require(known, what, got, "Rayleigh or ModalDamping: that of structures is harmonic")
+    if method != "modal":
+        require(damping is None or dragging, what, got, "Rayleigh, or method='modal'")
+    turning = not linear and isinstance(damping, Rayleigh) and damping.stiffness > 0.0
+    require(not turning, what, got, "stiffness=0 at large displacements: it would damp rotations")
 
 
 def _motion(
     problem: InitialValueProblem, scheme: Scheme, damping: Damping | None, options: Options,
     geometry: str,
-) -> Motion:  # fmt: skip
+) -> LinearMotion | NonlinearMotion:  # fmt: skip
     rayleigh = damping or Rayleigh()
     assert isinstance(rayleigh, Rayleigh)
     if geometry == "linear":
@@ -223,7 +227,11 @@ def _superposed(motion: ModalMotion, times: Float, file: FilePath) -> dict[str, 
 
 
 def _integrated(
-    motion: Motion, control: StepSize, times: Float, file: FilePath, progress: Progress | None
+    motion: LinearMotion | NonlinearMotion,
+    control: StepSize,
+    times: Float,
+    file: FilePath,
+    progress: Progress | None,
 ) -> dict[str, Any]:
     """Fields of a `History`: states one step after the other, as they are at ``times``."""
     slack, worst, greatest, k = 1e-9 * control.first, 0.0, 0.0, 1
@@ -254,7 +262,13 @@ def _integrated(
     return {**written(fields, file), "message": message, "warnings": warnings}
 
 
-def _keep(fields: dict[str, Any], k: int, motion: Motion, state: State, energies: Float) -> None:
+def _keep(
+    fields: dict[str, Any],
+    k: int,
+    motion: LinearMotion | NonlinearMotion,
+    state: State,
+    energies: Float,
+) -> None:
     """Write a state as the ``k``-th."""
     for name, x in zip("uva", (state.u, state.v, state.a), strict=True):
         fields[name][k] = motion.displacements(x)
