@@ -31,9 +31,11 @@ from gpusim.fem.materials.law import Law, Material, Update
 from gpusim.fem.materials.neo_hookean import NeoHookean
 from gpusim.fem.materials.orthotropic import Orthotropic
 from gpusim.fem.materials.saint_venant_kirchhoff import SaintVenantKirchhoff
+from gpusim.fem.model.buckling import Buckling
 from gpusim.fem.model.constraints import Equations, equations, tie
 from gpusim.fem.model.damping import ModalDamping, Rayleigh, StructuralDamping
 from gpusim.fem.model.follower_loads import FollowerPressure
+from gpusim.fem.model.harmonic_response import HarmonicResponse
 from gpusim.fem.model.history import EnergyHistory, History
 from gpusim.fem.model.loads import (
     body_force,
@@ -51,7 +53,11 @@ from gpusim.fem.model.record import Record, read_record
 from gpusim.fem.model.solution import LoadStep, Solution
 from gpusim.fem.model.supports import symmetry
 from gpusim.fem.model.thermal_loads import thermal
+from gpusim.fem.procedures.buckling import buckling
+from gpusim.fem.procedures.frequency_response import frequency_response
+from gpusim.fem.procedures.harmonic import harmonic
 from gpusim.fem.procedures.modes import modes
+from gpusim.fem.procedures.random_response import RandomResponse, random_response
 from gpusim.fem.procedures.statics import solve
 from gpusim.fem.procedures.transient import transient
 from gpusim.fem.recovery.stress import Stress, principal, stress, von_mises
@@ -59,9 +65,11 @@ from gpusim.fem.recovery.stress import Stress, principal, stress, von_mises
 __all__ = [
     "J2",
     "METHODS",
+    "Buckling",
     "EnergyHistory",
     "Equations",
     "FollowerPressure",
+    "HarmonicResponse",
     "Hencky",
     "History",
     "IsochoricNeoHookean",
@@ -74,6 +82,7 @@ __all__ = [
     "Modes",
     "NeoHookean",
     "Orthotropic",
+    "RandomResponse",
     "Rayleigh",
     "Record",
     "SaintVenantKirchhoff",
@@ -83,9 +92,12 @@ __all__ = [
     "Update",
     "Voce",
     "body_force",
+    "buckling",
     "centrifugal",
     "equations",
     "face_force",
+    "frequency_response",
+    "harmonic",
     "line_force",
     "lumped_mass",
     "mass_matrix",
@@ -93,6 +105,7 @@ __all__ = [
     "nodal_force",
     "pressure",
     "principal",
+    "random_response",
     "read_record",
     "solve",
     "stress",

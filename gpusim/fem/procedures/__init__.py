@@ -14,7 +14,20 @@ In the order in which data passes:
 - `rigid_body_modes`: Rigid-body modes: motions that cost no energy, known exactly before any other
   mode.
 - `davidson`: Block Davidson iteration: the greatest mu of B x = mu A x, A positive definite.
+- `rayleigh_quotients`: Rayleigh-Ritz: the eigenvalues in a span of vectors, as sharp as float64 has
+  the stiffness.
 - `modes`: Modal analysis: natural frequencies and mode shapes, K u = omega^2 M u.
+- `buckling`: Linear buckling: factors of the load at which stiffness is lost, (K + factor K_g) u =
+  0.
+- `modal_basis`: Modal bases: modes, and what static responses have beyond them.
+- `forced_vibration`: Forced vibration: a model as it is discretised, and the one load that drives
+  it.
+- `harmonic`: Harmonic response: steady vibration under loads, or on a base, that vary as
+  exp(i omega t).
+- `frequency_response`: Frequency-response functions: what one point does per unit of force at
+  another.
+- `random_response`: Random response: stationary vibration under a load, or on a base, known by its
+  spectral density.
 - `initial_value_problem`: Initial value problems of a body: what moves, from where, and what acts
   on it when.
 - `modal_superposition`: Modal superposition: each mode by itself, exactly where loads are linear in

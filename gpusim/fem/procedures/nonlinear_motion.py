@@ -30,6 +30,8 @@ from gpusim.fem.procedures.time_integration import LinearMotion, Scheme, predict
 
 # linear solutions within Newton's method, and the estimate of a step's error
 _FORCING, _ROUGHLY = 1e-4, 0.1
+# relative difference of shifts that is rounding
+_SAME = 1e-9
 # of the greatest energy: what steps may add to it before they count as unstable
 _MOST_GROWTH = 0.05
 
@@ -88,6 +90,8 @@ class NonlinearMotion:
         self.equation.shift = replace(self._mass, factor=0.0)
         self._balances: dict[float, Balance] = {}
         self._counts: list[int] = []
+        # the shift that the solver is for
+        self._solved = 0.0
 
     @property
     def message(self) -> str:
@@ -105,17 +109,29 @@ class NonlinearMotion:
             self.equation.relax(u, self._factors(time))
         balance = self._balances[time] = self._balance(time, u, v)
         force = balance.external - balance.internal - self._inertia(self._damping.mass * v)
+        if self._problem.onset > 0.0:
+            return State(time, u, v, self._slowed(force, u, time), np.zeros(2))
         x = self._linear.accelerations(equation.forces(force[None]))
         return State(time, u, v, equation.displacements(x)[0], np.zeros(2))
+
+    def _slowed(self, force: Float, u: Float, time: float) -> Float:
+        """(N,3) acceleration by ``force`` at ``u``, where stiffness slows it."""
+        equation, push = self.equation, force[None] / self._problem.onset
+        equation.shift = replace(self._mass, factor=1.0 / self._problem.onset)
+        equation.forces, equation.origin = np.zeros_like(u), u
+        tangent = equation.linearised(u, self._factors(time))
+        solver = TangentSolver(equation, self._options)
+        found = solver.correction(tangent, push, np.zeros_like(push), self._options.tolerance)
+        return np.asarray(found.du[0])
 
     def advance(self, state: State, step: float) -> State:
         """One equilibrium, from the last state."""
         scheme, equation, before = self._scheme, self.equation, self._balances[state.time]
         equation.restore(before.elements)
         shift, factor = scheme.shift(step, self._damping)
-        if shift != equation.shift.factor:
-            equation.shift = replace(self._mass, factor=shift)
-            self._solver = TangentSolver(equation, self._options)
+        if abs(shift - self._solved) > _SAME * shift:
+            self._solver, self._solved = TangentSolver(equation, self._options), shift
+        equation.shift = replace(self._mass, factor=shift)
         after = predicted(state, step)
         drag = self._damping.mass * scheme.between(state.v, after.v)
         equation.forces = scheme.alpha_f * (before.external - before.internal)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import count
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -28,10 +28,14 @@ from gpusim.validation import require
 if TYPE_CHECKING:
     from gpusim.fem.procedures.nonlinear_motion import NonlinearMotion
 
+# what moves, by linear theory or at large displacements
+Motion: TypeAlias = "LinearMotion | NonlinearMotion"
 METHODS = ("newmark", "hht", "generalized-alpha")
 # of conjugate gradients on the mass, whose condition is some tens once it is scaled
 _MASS_TOLERANCE = 1e-12
 _MOST_ITERATIONS = 200
+# relative difference of shifts that is rounding
+_SAME = 1e-9
 # an adaptive step is doubled where its error is so much below what is allowed: it grows by 8
 _SMALL_ERROR = 1.0 / 16.0
 _MOST_HALVINGS = 20
@@ -131,10 +135,15 @@ class LinearMotion:
         return State(time, u, v, a, np.zeros(2))
 
     def accelerations(self, force: Float) -> Float:
-        """M^-1 ``force``, by conjugate gradients that are scaled by the diagonal.
+        """M^-1 ``force``, by conjugate gradients that are scaled by the diagonal; or, with an
+        onset, (M + onset K)^-1 of it.
 
         Raises NotConverged where the mass isn't positive definite.
         """
+        onset = self._problem.onset
+        if onset > 0.0:
+            solver, right = self._solver(1.0 / onset), force / onset
+            return solver.apply(right) if solver.exact else self._iterated(solver, right, 0.0)
         diagonal = np.repeat(self.equation.mass.diagonal(), 3) / self.equation.scale
         near = _Diagonal(np.where(diagonal > 0.0, diagonal, 1.0))
         found = truncated_cg(self.equation.inertia, near, force, _MASS_TOLERANCE)
@@ -205,11 +214,13 @@ class LinearMotion:
         return self._problem.factors.at(np.array([time])) @ self._forces
 
     def _solver(self, shift: float) -> ShiftedSolver:
-        """Adaptive steps go back and forth between two lengths."""
-        if shift not in self._solvers:
-            while len(self._solvers) > 1:
-                del self._solvers[next(iter(self._solvers))]
-            self._solvers[shift] = ShiftedSolver(self.equation, shift, self._options)
+        """Adaptive steps go back and forth between two lengths; equal ones differ by rounding."""
+        for near, solver in self._solvers.items():
+            if abs(shift - near) <= _SAME * near:
+                return solver
+        while len(self._solvers) > 1:
+            del self._solvers[next(iter(self._solvers))]
+        self._solvers[shift] = ShiftedSolver(self.equation, shift, self._options)
         return self._solvers[shift]
 
     def _iterated(self, solver: ShiftedSolver, right: Float, size: float) -> Float:
@@ -246,9 +257,7 @@ class StepSize:
     error: float
 
 
-def time_steps(
-    motion: LinearMotion | NonlinearMotion, state: State, control: StepSize
-) -> Iterator[tuple[State, float]]:
+def time_steps(motion: Motion, state: State, control: StepSize) -> Iterator[tuple[State, float]]:
     """States one step after the other, and their estimated errors; of constant steps the error of
     every tenth, NaN of others.
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Annotated, Any
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -38,6 +39,7 @@ from gpusim.fem.procedures.modes import modes
 from gpusim.fem.procedures.time_integration import (
     METHODS,
     LinearMotion,
+    Motion,
     Scheme,
     StepSize,
     time_steps,
@@ -45,12 +47,11 @@ from gpusim.fem.procedures.time_integration import (
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import Count, Rule, Share, checked, is_number, one_of, require
 
-if TYPE_CHECKING:
-    from gpusim.fem.procedures.nonlinear_motion import NonlinearMotion
-
 Tolerance = Annotated[float, Rule("a number in (0, 1)", lambda value: 0.0 < value < 1.0)]
 Progress = Callable[[int, float], None]
 
+# of a step, by which an instant may be past its end
+_SAME = 1e-9
 # steps between two outputs, where nobody says how long they are
 _SUBSTEPS = 4
 # instants of modes, and frames of a body, that are worked on at a time
@@ -137,13 +138,14 @@ def transient(
     with one_blas_thread():
         if method == "modal":
             found = modes(model, count, formulation=names, mass=mass)
-            fields = _superposed(modal_superposition(problem, found, damping, options), at, file)
+            fields = superposed(modal_superposition(problem, found, damping, options), at, file)
         else:
             scheme = Scheme.named(method, spectral_radius)
             first = _fine_step(problem, first, is_number(step))
             motion = _motion(problem, scheme, damping, options, geometry)
             error = tolerance * motion.size(at[-1] - at[0]) if step == "adaptive" else np.inf
-            fields = _integrated(motion, StepSize(first, error), at, file, progress)
+            steps = partial(time_steps, motion, control=StepSize(first, error))
+            fields = integrated(motion, steps, at, file, progress)
     options.clock.mark("response")
     return History(times=at, method=method, timings=options.clock.timings, model=model, **fields)
 
@@ -189,7 +191,7 @@ def _check_fit(
 def _motion(
     problem: InitialValueProblem, scheme: Scheme, damping: Damping | None, options: Options,
     geometry: str,
-) -> LinearMotion | NonlinearMotion:  # fmt: skip
+) -> Motion:  # fmt: skip
     rayleigh = damping or Rayleigh()
     assert isinstance(rayleigh, Rayleigh)
     if geometry == "linear":
@@ -200,7 +202,7 @@ def _motion(
     return NonlinearMotion(problem, scheme, rayleigh, options)
 
 
-def _superposed(motion: ModalMotion, times: Float, file: FilePath) -> dict[str, Any]:
+def superposed(motion: ModalMotion, times: Float, file: FilePath) -> dict[str, Any]:
     """Fields of a `History`: nothing that is as large as the body is kept for every instant, but in
     a file."""
     parts = np.array_split(times, 1 + len(times) // _INSTANTS)
@@ -226,19 +228,21 @@ def _superposed(motion: ModalMotion, times: Float, file: FilePath) -> dict[str, 
     }
 
 
-def _integrated(
-    motion: LinearMotion | NonlinearMotion,
-    control: StepSize,
+def integrated(
+    motion: Motion,
+    steps: Callable[[State], Iterable[tuple[State, float]]],
     times: Float,
     file: FilePath,
     progress: Progress | None,
 ) -> dict[str, Any]:
-    """Fields of a `History`: states one step after the other, as they are at ``times``."""
-    slack, worst, greatest, k = 1e-9 * control.first, 0.0, 0.0, 1
+    """Fields of a `History`: states at ``times``, of the ``steps`` from the first one, and their
+    errors."""
+    worst, greatest, k = 0.0, 0.0, 1
     before = motion.begin(times[0])
     with storage(times, len(motion.displacements(before.u)), file) as fields:
         _keep(fields, 0, motion, before, motion.energies(before))
-        for number, (after, error) in enumerate(time_steps(motion, before, control), 1):
+        for number, (after, error) in enumerate(steps(before), 1):
+            slack = _SAME * (after.time - before.time)
             worst, greatest = np.fmax(worst, error), max(greatest, float(np.abs(after.u).max()))
             if times[k] <= after.time + slack:
                 energies = motion.energies(before), motion.energies(after)
@@ -265,7 +269,7 @@ def _integrated(
 def _keep(
     fields: dict[str, Any],
     k: int,
-    motion: LinearMotion | NonlinearMotion,
+    motion: Motion,
     state: State,
     energies: Float,
 ) -> None:
