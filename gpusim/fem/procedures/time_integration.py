@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import count
-from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -25,11 +24,6 @@ from gpusim.fem.model.history import State
 from gpusim.fem.procedures.initial_value_problem import InitialValueProblem
 from gpusim.validation import require
 
-if TYPE_CHECKING:
-    from gpusim.fem.procedures.nonlinear_motion import NonlinearMotion
-
-# what moves, by linear theory or at large displacements
-Motion: TypeAlias = "LinearMotion | NonlinearMotion"
 METHODS = ("newmark", "hht", "generalized-alpha")
 # of conjugate gradients on the mass, whose condition is some tens once it is scaled
 _MASS_TOLERANCE = 1e-12
@@ -246,6 +240,9 @@ class _Diagonal(Preconditioner):
 
     def apply(self, r: Float) -> Float:
         return r / self._diagonal
+
+
+Motion = LinearMotion
 
 
 @dataclass(frozen=True)

@@ -142,7 +142,12 @@ def transient(
         else:
             scheme = Scheme.named(method, spectral_radius)
             first = _fine_step(problem, first, is_number(step))
-            motion = _motion(problem, scheme, damping, options, geometry)
+            rayleigh = damping if isinstance(damping, Rayleigh) else Rayleigh()
+            moving = LinearMotion
+            if geometry == "nonlinear":
+                # what linear theory doesn't need isn't loaded
+                from gpusim.fem.procedures.nonlinear_motion import NonlinearMotion as moving
+            motion = moving(problem, scheme, rayleigh, options)
             error = tolerance * motion.size(at[-1] - at[0]) if step == "adaptive" else np.inf
             steps = partial(time_steps, motion, control=StepSize(first, error))
             fields = integrated(motion, steps, at, file, progress)
@@ -186,20 +191,6 @@ def _check_fit(
         require(damping is None or dragging, what, got, "Rayleigh, or method='modal'")
     turning = not linear and isinstance(damping, Rayleigh) and damping.stiffness > 0.0
     require(not turning, what, got, "stiffness=0 at large displacements: it would damp rotations")
-
-
-def _motion(
-    problem: InitialValueProblem, scheme: Scheme, damping: Damping | None, options: Options,
-    geometry: str,
-) -> Motion:  # fmt: skip
-    rayleigh = damping or Rayleigh()
-    assert isinstance(rayleigh, Rayleigh)
-    if geometry == "linear":
-        return LinearMotion(problem, scheme, rayleigh, options)
-    # what linear theory doesn't need isn't loaded
-    from gpusim.fem.procedures.nonlinear_motion import NonlinearMotion
-
-    return NonlinearMotion(problem, scheme, rayleigh, options)
 
 
 def superposed(motion: ModalMotion, times: Float, file: FilePath) -> dict[str, Any]:
@@ -266,13 +257,7 @@ def integrated(
     return {**written(fields, file), "message": message, "warnings": warnings}
 
 
-def _keep(
-    fields: dict[str, Any],
-    k: int,
-    motion: Motion,
-    state: State,
-    energies: Float,
-) -> None:
+def _keep(fields: dict[str, Any], k: int, motion: Motion, state: State, energies: Float) -> None:
     """Write a state as the ``k``-th."""
     for name, x in zip("uva", (state.u, state.v, state.a), strict=True):
         fields[name][k] = motion.displacements(x)
