@@ -109,12 +109,8 @@ def transient(
     formulation, mass : see `gpusim.modes`. geometry : "linear" or "nonlinear".
     file : HDF5 file that the history is streamed to. progress : called with (steps, time).
 
-    Raises
-    ------
-    InputError
-        A wrong argument; steps that are too long for the loads; histories larger than memory.
-    NotConverged
-        A step can't be found, or adds energy to the body: it is too long.
+    Raises InputError for wrong arguments, steps too long for the loads and histories larger than
+    memory, NotConverged for a step that can't be found or adds energy to the body: it is too long.
 
     Examples
     --------
@@ -143,11 +139,7 @@ def transient(
             scheme = Scheme.named(method, spectral_radius)
             first = _fine_step(problem, first, is_number(step))
             rayleigh = damping if isinstance(damping, Rayleigh) else Rayleigh()
-            moving = LinearMotion
-            if geometry == "nonlinear":
-                # what linear theory doesn't need isn't loaded
-                from gpusim.fem.procedures.nonlinear_motion import NonlinearMotion as moving
-            motion = moving(problem, scheme, rayleigh, options)
+            motion = _motion(geometry)(problem, scheme, rayleigh, options)
             error = tolerance * motion.size(at[-1] - at[0]) if step == "adaptive" else np.inf
             steps = partial(time_steps, motion, control=StepSize(first, error))
             fields = integrated(motion, steps, at, file, progress)
@@ -191,6 +183,15 @@ def _check_fit(
         require(damping is None or dragging, what, got, "Rayleigh, or method='modal'")
     turning = not linear and isinstance(damping, Rayleigh) and damping.stiffness > 0.0
     require(not turning, what, got, "stiffness=0 at large displacements: it would damp rotations")
+
+
+def _motion(geometry: str) -> type[LinearMotion]:
+    """What linear theory doesn't need isn't loaded."""
+    if geometry == "linear":
+        return LinearMotion
+    from gpusim.fem.procedures.nonlinear_motion import NonlinearMotion
+
+    return NonlinearMotion
 
 
 def superposed(motion: ModalMotion, times: Float, file: FilePath) -> dict[str, Any]:
