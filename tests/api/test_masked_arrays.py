@@ -25,7 +25,8 @@ MODULES = (gs, gs.measure, gs.fem, gs.mesh, gs.paint, gs.psf, gpusim.surface, gp
 # what functions return, and tables that nobody else makes
 RESULTS = {
     "Calibration", "Chessboard", "Codes", "Crossings", "DeflectionLine", "DicResult",
-    "Displacement3D", "Dots", "Features", "Frame", "FrameSource", "HarmonicResponse", "LoadStep",
+    "Displacement3D", "Dots", "EnergyHistory", "Features", "Frame", "FrameSource",
+    "HarmonicResponse", "History", "LoadStep",
     "MappedResult", "Markers", "Matches", "Quality", "RandomResponse", "SampledKernel", "Sighting",
     "SlopeChanges", "Solution", "StereoResult", "StrainResult", "Stress", "TrackResult",
     "Triangulated", "Truth", "Update",
