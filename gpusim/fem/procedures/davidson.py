@@ -171,8 +171,8 @@ def _require_definite(rows: Float, image: Float, energy: Float) -> None:
     most = np.linalg.norm(rows, axis=1) * np.linalg.norm(image, axis=1)
     if not (energy >= _INDEFINITE * most).all():
         raise NotConverged(
-            "modes: got a motion whose energy is negative; expected a body that is stable (is it "
-            "loaded beyond buckling?)"
+            "modes: got a motion whose energy isn't positive; expected a body that is stable (is it "
+            "loaded beyond buckling? do elements lack stiffness, as single rows of 'reduced' ones?)"
         )
 
 
