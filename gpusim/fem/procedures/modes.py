@@ -187,15 +187,29 @@ class _Search:
 
     def up_to(self, value: float, found: _Elastic) -> _Elastic:
         """All with lambda up to a ``value``, and some beyond, beginning with what was found."""
+        beyond = f"more than {_MOST} below its upper end"
+        many = _least_count(self.equation, value) > _MOST
+        require(not many, "modes: modes of the band", beyond, "a narrower band")
         rigid = len(self.rigid.names)
         most = int(self.equation.unknown.sum()) - rigid
         count = max(len(found.values), 1)
         while not (found.values > value).any() and len(found.values) < most:
-            beyond = f"more than {_MOST} below its upper end"
             require(count < _MOST, "modes: modes of the band", beyond, "a narrower band")
             count = min(2 * count, _MOST, most)
             found = self.lowest(count)
         return found
+
+
+def _least_count(equation: EquationOfMotion, value: float) -> float:
+    """Modes with lambda up to ``value``, a third of what waves in a body of this mass make (Weyl's
+    law, see Dupuis, Mazo & Onsager, J. Chem. Phys. 33 (1960) 1452), which slender bodies exceed."""
+    materials = equation.model.materials
+    volume = float(equation.mass.sum()) / max(one.density for one in materials)
+    slowness = [
+        min(one.density / one.stiffness()[k, k] for one in materials) ** 1.5 for k in (0, 3, 3)
+    ]
+    waves = volume * value**1.5 * sum(slowness) / (6.0 * np.pi**2)
+    return min(float(waves) / 3.0, float(equation.unknown.sum()))
 
 
 def _chosen(modes: Modes, which: Bool) -> Modes:
