@@ -60,8 +60,8 @@ _INSTANTS, _FRAMES = 1024, 16
 _LACKING = 0.01
 # error of each solution, at most: that of adaptive steps may be greater
 _SOLUTION = 1e-5
-# of the sum of loads over time, that steps may miss
-_MISSED = 0.05
+# of the sum of a load over time, that steps may miss; of the whole time, how short they may get
+_MISSED, _FINEST = 0.05, 1e-6
 # of the greatest displacement, in a step, from which on a warning says so
 _WARNED_ERROR = 1e-3
 
@@ -158,13 +158,15 @@ def _first_step(times: Float, step: float | str | None) -> float:
 
 
 def _fine_step(problem: InitialValueProblem, step: float, given: bool) -> float:
-    """One that misses little of the loads. Raises InputError where a ``given`` one misses more."""
+    """One that misses little of the loads. Raises InputError where a ``given`` one misses more, or
+    every one that can be made."""
+    whole, what = float(np.ptp(problem.factors.times)), "transient: step"
+    require(step <= whole, f"{what}, too long", step, f"at most {whole:.6g}, all of it")
     while (missed := problem.missed(step)) > _MISSED:
-        got = f"{step:.3g}, which misses {missed:.0%} of the loads in between"
-        require(not given, "transient: step, too long", got, f"{_MISSED:.0%} at most")
+        got = f"{step:.3g}, which misses {missed:.0%} of a load in between"
+        fits = not given and step > _FINEST * whole
+        require(fits, f"{what}, too long", got, f"{_MISSED:.0%} at most")
         step *= 0.5
-    whole, what = float(np.ptp(problem.factors.times)), "transient: step, too long"
-    require(step <= whole, what, step, f"at most {whole:.6g}, all of it")
     return step
 
 

@@ -126,7 +126,15 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "a step that misses the loads": ({
         "method": "newmark", "step": 0.5,
         "loads": gs.Record([0.0, 1.1, 1.2, 1.3, 3.0], np.outer([0, 0, 9, 0, 0], [1, 1])),
-    }, "too long; got 0.5, which misses 100% of the loads"),
+    }, "too long; got 0.5, which misses 100% of a load"),
+    "a blow beside a weight": ({
+        "method": "newmark", "step": 0.5,
+        "loads": gs.Record([0.0, 1.1, 1.2, 1.3, 3.0], [[9, 0], [9, 0], [9, 1], [9, 0], [9, 0]]),
+    }, "too long; got 0.5, which misses 100% of a load"),
+    "a blow that no step meets": ({
+        "method": "newmark",
+        "loads": gs.Record([0, 1, 1 + 1e-9, 1 + 2e-9, 3], np.outer([0, 0, 9, 0, 0], [1, 1])),
+    }, "too long"),
     "no step": ({"method": "newmark", "step": "long"}, "step"),
     "a negative step": ({"method": "newmark", "step": -0.1}, "step"),
     "a NaN step": ({"method": "newmark", "step": np.nan}, "step"),
