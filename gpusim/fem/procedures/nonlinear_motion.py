@@ -27,6 +27,7 @@ from gpusim.fem.model.mass import ElementMass, scalar_mass
 from gpusim.fem.procedures.initial_value_problem import InitialValueProblem
 from gpusim.fem.procedures.newton import Controls, Steps, equilibrium
 from gpusim.fem.procedures.time_integration import LinearMotion, Scheme, predicted
+from gpusim.validation import require
 
 # linear solutions within Newton's method, and the estimate of a step's error
 _FORCING, _ROUGHLY = 1e-4, 0.1
@@ -96,6 +97,9 @@ class NonlinearMotion(LinearMotion):
         u, v, onset = self._problem.u, self._problem.v, self._problem.onset
         self._elements.shift = replace(self._mass, factor=1.0 / onset if onset > 0.0 else 0.0)
         if u.any():
+            expected = "rest, or elastic laws: what points have been through isn't known"
+            known = not self._elements.has_history
+            require(known, "transient: initial", "displacements of a law with a history", expected)
             self._elements.relax(u, self._factors(time))
         balance = self._balances[time] = self._balance(time, u, v)
         force = balance.external - balance.internal - self._inertia(self._damping.mass * v)

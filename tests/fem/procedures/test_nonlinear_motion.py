@@ -9,8 +9,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import gpusim as gs
-from gpusim.errors import NotConverged
-from tests.support.vibrating_bar import greatest, vibrating_bar
+from gpusim.errors import InputError, NotConverged
+from gpusim.fem.linear.solve_plan import Clock, Options
+from gpusim.fem.model.model import resolve_formulation
+from gpusim.fem.procedures.initial_value_problem import InitialValueProblem
+from gpusim.fem.procedures.nonlinear_motion import NonlinearMotion
+from gpusim.fem.procedures.time_integration import LinearMotion, Scheme
+from tests.support.vibrating_bar import greatest, matrices, vibrating_bar
 
 Float = npt.NDArray[np.float64]
 LENGTH, HEIGHT, GRAVITY, DENSITY = 1.0, 0.05, 9.81, 1000.0
@@ -51,7 +56,9 @@ def off_by(history: gs.History) -> tuple[float, float]:
     return float(np.linalg.norm(place - expected, axis=1).max()), float(np.ptp(turned))
 
 
-@pytest.mark.parametrize("method", ["newmark", "generalized-alpha"])
+@pytest.mark.parametrize(
+    "method", ["generalized-alpha", pytest.param("newmark", marks=pytest.mark.slow)]
+)
 def test_a_hinged_bar_swings_as_a_rigid_one(method: str) -> None:
     times = np.linspace(0.0, 0.8, 161)
     history = gs.transient(pendulum(), times=times, method=method, step=0.005, geometry="nonlinear")
@@ -139,9 +146,35 @@ def test_plastic_flow_dissipates() -> None:
     pull = gs.fem.face_force(mesh, gs.mesh.select_faces(mesh, name="x_max"), (2.5, 0.0, 0.0))
     blow = gs.Record([0.0, 0.1, 0.2, 1.0], [0.0, 1.0, 0.0, 0.0])
     history = gs.transient(
-        gs.Model(mesh, metal, fixed, pull), times=np.linspace(0.0, 1.0, 21), loads=blow,
-        method="newmark", step=0.01, geometry="nonlinear",
+        gs.Model(mesh, metal, fixed, pull), times=np.linspace(0.0, 0.6, 13), loads=blow,
+        method="newmark", step=0.0125, geometry="nonlinear",
     )  # fmt: skip
     energy = history.energy
     assert energy.dissipated[-1] > 0.1 * energy.external_work[-1]
     assert energy.drift <= 1e-3
+
+
+def test_a_state_of_metal_that_nobody_knows_is_refused() -> None:
+    model = vibrating_bar()
+    metal = gs.J2(gs.Isotropic(100.0, 0.3, density=1.0), yield_stress=1.0)
+    moved = np.where(model.fixed, 0.0, 1e-3)
+    with pytest.raises(InputError, match="history"):
+        gs.transient(
+            gs.Model(model.mesh, metal, model.fixed), times=[0.0, 1.0], method="newmark",
+            initial=(moved, 0.0 * moved), geometry="nonlinear",
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize("moving", [LinearMotion, NonlinearMotion])
+def test_the_first_acceleration_may_be_slowed_by_stiffness(moving: type[LinearMotion]) -> None:
+    model, onset = vibrating_bar(), 0.02
+    names, still = resolve_formulation(model, None), np.zeros(model.mesh.points.shape)
+    factors = gs.Record([0.0, 1.0], 1e-6 * np.ones((2, 2)))
+    problem = InitialValueProblem(model, names, "exact", factors, still, still, onset)
+    options = Options("auto", None, "numpy", 1e-9, None, None, None, names, Clock())
+    motion = moving(problem, Scheme.named("newmark", 1.0), gs.Rayleigh(), options)
+    k, m, free = matrices(model)
+    push = 1e-6 * model.load_cases.sum(axis=0).ravel()[free]
+    expected = np.linalg.solve(m + onset * k, push)
+    got = motion.displacements(motion.begin(0.0).a).ravel()[free]
+    assert greatest(got - expected, expected) <= 1e-8
