@@ -89,8 +89,8 @@ class NonlinearMotion(LinearMotion):
         elements = ElementMass(model, names, problem.mass_rule)
         self._mass = Shift(elements, scalar_mass(elements), 1.0)
         self._balances: dict[float, Balance] = {}
-        # the shift that the solver is for
-        self._solved = 0.0
+        # the shift that the solver is for, and the greatest energy until now
+        self._solved, self._greatest = 0.0, 0.0
 
     def begin(self, time: float) -> State:
         """Forces that aren't balanced accelerate it from the first instant on."""
@@ -183,7 +183,9 @@ class NonlinearMotion(LinearMotion):
         if self._elements.has_history:
             # strained for good
             lost += 0.5 * float(np.vdot(begin.internal + end.internal, moved)) - stored[1]
-        share = (stored.sum() + lost - work) / max(float(end.energies.sum()), 1e-300)
+        self._greatest = max(self._greatest, float(begin.energies.sum()))
+        size = max(self._greatest, float(end.energies.sum()), 1e-300)
+        share = (stored.sum() + lost - work) / size
         if share > _MOST_GROWTH:
             raise NotConverged(f"{share:.1%} of the energy in a step, from nowhere")
         return np.array([work, lost])
