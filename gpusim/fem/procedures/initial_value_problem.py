@@ -28,7 +28,8 @@ _CONSISTENT = 1e-6
 class InitialValueProblem:
     """M a + C v + f_int(u) = the load cases of ``model`` by ``factors`` (R,K), from displacements
     ``u`` and velocities ``v`` (N,3). ``mass_rule`` and ``formulation`` say how M and f_int are
-    found. The first acceleration is what M + ``onset`` K makes of forces that aren't balanced."""
+    found. The first acceleration is what M + ``onset`` K makes of forces that aren't balanced.
+    Where the ``ground`` moves, the last three load cases are its accelerations along x y z."""
 
     model: Model
     formulation: Mapping[str, str]
@@ -37,6 +38,7 @@ class InitialValueProblem:
     u: Float
     v: Float
     onset: float = 0.0
+    ground: bool = False
 
     @property
     def linear_equation(self) -> EquationOfMotion:
@@ -46,6 +48,13 @@ class InitialValueProblem:
     def forces(self, equation: EquationOfMotion) -> Float:
         """(K,3N) of the load cases in the rows of an ``equation``."""
         return equation.forces(with_dead_loads(self.model, self.formulation).load_cases)
+
+    @property
+    def load_names(self) -> list[str]:
+        """(K) of the load cases."""
+        own = len(self.model.load_cases) - 3 * self.ground
+        ground = [f"motion of the ground along {axis}" for axis in "xyz" if self.ground]
+        return [*(f"load case {number}" for number in range(own)), *ground]
 
     def missed(self, step: float) -> float:
         """The share of a factor's sum over time that steps miss, of the one that they miss most."""
@@ -111,6 +120,7 @@ def with_moving_ground(problem: InitialValueProblem, base: Record | None) -> Ini
         problem,
         model=replace(model, forces=np.concatenate([model.load_cases, inertia]), temperature=warm),
         factors=Record(times, np.hstack([factors.at(times), ground.at(times)])),
+        ground=True,
     )
 
 
