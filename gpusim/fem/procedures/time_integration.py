@@ -242,6 +242,7 @@ class _Diagonal(Preconditioner):
         return r / self._diagonal
 
 
+# what moves; that at large displacements is one of it
 Motion = LinearMotion
 
 
