@@ -1,7 +1,8 @@
-"""What files and reports tell of the steps of a deck that aren't static."""
+"""What files and reports tell of modes, buckling and motion."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from functools import singledispatch
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.deck import Deck
 from gpusim.fem import Buckling, HarmonicResponse, History, Modes
+from gpusim.fem.model.history import Superposition
 
 Fields = dict[str, Any]
 
@@ -33,12 +35,19 @@ def _(result: Buckling) -> Fields:
 
 @arrays.register
 def _(result: History) -> Fields:
+    if isinstance(result.u, Superposition):
+        return {"times": result.times} | _factors(result.u.amplitudes, result.u.shapes)
     return {name: np.asarray(getattr(result, name)) for name in ("times", "u", "v", "a")}
 
 
 @arrays.register
 def _(result: HarmonicResponse) -> Fields:
-    return {"frequencies": result.frequencies, "u": result.u}
+    return {"frequencies": result.frequencies} | _factors(result.coordinates, result.shapes)
+
+
+def _factors(amplitudes: Any, shapes: Any) -> Fields:
+    """Of displacements that are a product."""
+    return {"amplitudes": amplitudes, "shapes": shapes}
 
 
 @singledispatch
@@ -55,7 +64,7 @@ def _(result: History) -> Fields:
 
 @nodal_fields.register
 def _(result: HarmonicResponse) -> Fields:
-    k = int(np.argmax(result.amplitude.max(axis=(1, 2))))
+    k, *_ = _greatest(_responses(result))
     return {"u": result.at(k), "u_quarter": result.at(k, np.pi / 2)}
 
 
@@ -82,11 +91,13 @@ def _(result: Buckling, deck: Deck) -> Fields:
 
 @summary.register
 def _(result: History, deck: Deck) -> Fields:
-    size = np.stack([np.linalg.norm(result.u[k], axis=1) for k in range(len(result.times))])
-    return _greatest(deck, size) | {
+    k, node, size = _greatest(result.u[k] for k in range(len(result.times)))
+    return {
         "kind": "history",
         "instants": len(result.times),
-        "at_time": float(result.times[size.max(axis=1).argmax()]),
+        "largest_displacement": size,
+        "largest_displacement_node": int(deck.node_labels[node]),
+        "at_time": float(result.times[k]),
         "method": result.method,
         "message": result.message,
         "converged": True,
@@ -95,11 +106,13 @@ def _(result: History, deck: Deck) -> Fields:
 
 @summary.register
 def _(result: HarmonicResponse, deck: Deck) -> Fields:
-    size = np.linalg.norm(result.amplitude, axis=2)
-    return _greatest(deck, size) | {
+    k, node, size = _greatest(_responses(result))
+    return {
         "kind": "harmonic response",
         "frequencies": result.frequencies.tolist(),
-        "at_frequency": float(result.frequencies[size.max(axis=1).argmax()]),
+        "largest_displacement": size,
+        "largest_displacement_node": int(deck.node_labels[node]),
+        "at_frequency": float(result.frequencies[k]),
         "message": "",
         "converged": True,
     }
@@ -116,9 +129,18 @@ def _found(result: Modes | Buckling) -> Fields:
     }
 
 
-def _greatest(deck: Deck, size: Float) -> Fields:
-    """Of sizes (K,N) of displacements."""
-    return {
-        "largest_displacement": float(size.max()),
-        "largest_displacement_node": int(deck.node_labels[size.max(axis=0).argmax()]),
-    }
+def _responses(result: HarmonicResponse) -> Iterator[Float]:
+    """(N,3) amplitudes at each frequency."""
+    for coordinates in result.coordinates:
+        yield np.abs(np.tensordot(coordinates, result.shapes, axes=1))
+
+
+def _greatest(displacements: Iterable[Float]) -> tuple[int, int, float]:
+    """Which of displacements (N,3) has the greatest one, of which node, and how great it is."""
+    places = []
+    for k, u in enumerate(displacements):
+        size = np.linalg.norm(u, axis=1)
+        node = int(size.argmax())
+        places.append((float(size[node]), -k, node))
+    size, k, node = max(places)
+    return -k, node, size

@@ -16,9 +16,10 @@ from gpusim.deck.forces import Forces, following_pressures, pressure_forces
 from gpusim.deck.increments import Increments, merged
 from gpusim.deck.initial_state import InitialMotion, InitialStress, temperature_forces
 from gpusim.deck.materials import Body
-from gpusim.deck.modal_dynamics import ModalDynamics, SteadyState, read_modal_damping
-from gpusim.deck.procedures import Frequency, LinearBuckling, Procedure, Static, last_static
-from gpusim.deck.step import Motion, Step
+from gpusim.deck.modal_dynamics import HarmonicDynamics, ModalDynamics, read_modal_damping
+from gpusim.deck.procedures import Frequency, LinearBuckling, Static, last_static
+from gpusim.deck.step import Motion, Procedure, Step
+from gpusim.fem import FollowerPressure
 from gpusim.fem.model.constraints import touched
 from gpusim.fem.model.damping import Damping
 from gpusim.mesh.formats.abaqus.cards import Card, number, whole
@@ -40,7 +41,7 @@ _PROCEDURES: dict[str, Callable[[Card, Card], Procedure]] = {
     "FREQUENCY": Frequency.read,
     "BUCKLE": LinearBuckling.read,
     "MODALDYNAMIC": ModalDynamics.read,
-    "STEADYSTATEDYNAMICS": SteadyState.read,
+    "STEADYSTATEDYNAMICS": HarmonicDynamics.read,
     "DYNAMIC": Dynamics.read,
 }
 
@@ -92,7 +93,7 @@ class History:
         def reader(card: Card) -> None:
             forces, case = self.forces, card.parameters.get("LOADCASE", "1")
             if case != "1":
-                harmonic = isinstance(self._inside(card).procedure, SteadyState)
+                harmonic = isinstance(self._inside(card).procedure, HarmonicDynamics)
                 expected = "1, or 2 in a step with *STEADY STATE DYNAMICS"
                 require(harmonic and case == "2", f"{card.where()}: LOAD CASE", case, expected)
                 forces = self.quadrature
@@ -123,7 +124,7 @@ class History:
         return self.amplitudes.scale(card, self._interval(procedure))
 
     def _interval(self, procedure: Procedure | None) -> Interval:
-        if isinstance(procedure, SteadyState):
+        if isinstance(procedure, HarmonicDynamics):
             # what amplitudes are over
             return Interval(len(self.steps) + 1, 0.0, procedure.greatest)
         increments = Increments() if procedure is None else procedure.increments
@@ -218,6 +219,9 @@ class History:
             "BETA of *DAMPING at large displacements, where it would damp rotations": (
                 moves and body.nonlinear and body.damping.stiffness > 0.0
             ),
+            "AMPLITUDE=RAMP of *STEP; expected loads that are there at once": (
+                procedure.moves and step.card.parameters.get("AMPLITUDE", "").upper() == "RAMP"
+            ),
             "*BUCKLE at large displacements; expected linear statics": (
                 body.nonlinear and isinstance(procedure, LinearBuckling)
             ),
@@ -231,7 +235,7 @@ class History:
     def _base_motion(self, card: Card) -> None:
         """All supports in a direction move alike, those in the others rest."""
         step = self._inside(card)
-        if not isinstance(step.procedure, ModalDynamics | SteadyState):
+        if not isinstance(step.procedure, ModalDynamics | HarmonicDynamics):
             card.fail("outside of modal superposition; expected *MODAL DYNAMIC or *STEADY STATE "
                       "DYNAMICS before it in the step")  # fmt: skip
         where, kind = card.where(), card.parameters.get("TYPE", "DISPLACEMENT").upper()
@@ -243,7 +247,7 @@ class History:
         require(not turned, f"{where}: supports", "some in turned axes", "none with *TRANSFORM")
         scale = self.amplitudes.scale(card, self._interval(step.procedure))
         if kind == "ACCELERATION":
-            swept = isinstance(step.procedure, SteadyState) and step.procedure.least > 0.0
+            swept = isinstance(step.procedure, HarmonicDynamics) and step.procedure.least > 0.0
             require(swept, f"{where}: TYPE", kind, "DISPLACEMENT but in steady states above 0 Hz")
             scale = self.amplitudes.integrated(scale)
         if card.keyword not in step.seen:
@@ -256,7 +260,7 @@ class History:
         self.open = None
         procedure = step.procedure
         if procedure is None:
-            step.card.fail("no procedure; expected *STATIC, or another one, in the step")
+            step.card.fail("no procedure; expected *STATIC in the step, or another one")
         interval, begin = self._interval(procedure), self.time
         self.time += procedure.increments.period
         on_the_way = self._on_the_way(procedure, interval)
@@ -272,6 +276,8 @@ class History:
         if pulled and (step.perturbation or isinstance(procedure, Dynamics)):
             step.card.fail("displacements of supports; expected none with *DYNAMIC, nor about a "
                            "stressed state")  # fmt: skip
+        if any(one.temperature is not None and one.temperature.any() for one in of_motion):
+            step.card.fail("a changed temperature where the body moves; expected *STATIC")
         for one in (*path, state, *of_motion) if self.body.nonlinear else of_motion:
             if not one.held_as((*self.steps, *path, state)[0] if self.body.nonlinear else state):
                 step.card.fail(
@@ -343,7 +349,9 @@ class History:
         if self.temperature is not None and not alone:
             change = self.temperature.at(moment) - moment.factors[0] * self.initial
         forces, pressed = own.nodal_forces(moment), own.pressed(moment)
-        followers = () if pressed is None else following_pressures(self.body, *pressed)
+        followers: Callable[[], tuple[FollowerPressure, ...]] = tuple
+        if pressed is not None:
+            followers = partial(following_pressures, self.body, *pressed)
         if pressed is not None and not self.body.nonlinear:
             forces += pressure_forces(self.body, *pressed)
         for one in own.body_forces(moment):
@@ -362,6 +370,6 @@ class History:
             temperature=change,
             constraints=constraints,
             procedure=step.procedure,
-            loads=followers if self.body.nonlinear else (),
+            loads=followers() if self.body.nonlinear else (),
             followers=followers,
         )
