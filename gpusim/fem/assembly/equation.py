@@ -30,6 +30,8 @@ from gpusim.parallel.threads import shared
 
 # of the stiffness of loads: skew parts that cancel between faces leave less
 _ROUNDING = 1e-10
+# steps in which the elements' own unknowns are found anew, and when they have been
+_MODE_STEPS, _SETTLED = 8, 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,12 +160,7 @@ class Equation:
         self._warm(factors)
         residual, points = self.external(u, factors), self.model.mesh.points + u
         forces = [np.zeros((*one.cells.shape, 3)) for one in self.responses]
-        elements = [
-            FormedElements(
-                one.name, one.cells, partial(_tangents, one, u, want, into), one.block.numbers
-            )
-            for one, into in zip(self.responses, forces, strict=True)
-        ]
+        elements = self.elements(u, want, forces)
         acting = np.zeros_like(factors) if want is Want.MATERIAL else factors
         pressed = [
             FormedElements(one.name, one.cells, partial(_symmetric, one, points, acting[case]))
@@ -174,6 +171,29 @@ class Equation:
             add_to(residual, one.cells, -of_cells)
         skew = self.skew_stiffness(u, acting)
         return Tangent(u, factors, residual, Assembled(rows, elements, None), skew)
+
+    def elements(self, u: Float, want: Want, forces: Sequence[Float]) -> list[FormedElements]:
+        """Whose tangents are formed at ``u``; their ``forces`` (M,k,3) are written on the way."""
+        return [
+            FormedElements(
+                one.name, one.cells, partial(_tangents, one, u, want, into), one.block.numbers
+            )
+            for one, into in zip(self.responses, forces, strict=True)
+        ]
+
+    def about_linear(self, u: Float) -> Assembled:
+        """The stiffness about displacements ``u`` (N,3) of linear theory, whose stress is linear in
+        them: the material's there, and of the geometric one what changes its sign with ``u``.
+
+        For total Lagrangian elements without heat, unknowns of their own and loads that follow.
+        """
+        elements = [
+            FormedElements(
+                one.name, one.cells, partial(_about_linear, one, u), one.block.numbers
+            )
+            for one in self.responses
+        ]
+        return Assembled(self._graph.fill(elements), elements, None)
 
     def skew_stiffness(self, u: Float, factors: Float) -> csr_matrix | None:
         """(3N,3N) on what is solved for, of the loads that follow; None where they have a
@@ -201,6 +221,15 @@ class Equation:
         """The elements' own unknowns follow a step ``du`` (N,3) from ``u``."""
         for one in self.responses:
             shared(partial(one.advance, u=u, du=du, foretell=foretell), portions(len(one.cells)))
+
+    def relax(self, u: Float, factors: Float) -> None:
+        """The elements' own unknowns as they are in equilibrium at ``u``."""
+        still, forces = np.zeros_like(u), self.internal(u, factors)
+        for _ in range(_MODE_STEPS):
+            self.advance(u, still, foretell=False)
+            before, forces = forces, self.internal(u, factors)
+            if np.abs(forces - before).max() <= _SETTLED * np.abs(forces).max():
+                break
 
     def work_left(self, tangent: Tangent, du: Float) -> float:
         """What is gained by going on along the last step ``du`` (N,3), per share of it, at the
@@ -241,6 +270,18 @@ def _tangents(response: ElementResponse, u: Float, want: Want, forces: Float, wh
     forces[which] = found.reshape(len(which), -1, 3)
     assert matrices is not None
     return matrices
+
+
+def _about_linear(response: ElementResponse, u: Float, which: Long) -> Float:
+    """(m,3k,3k) matrices of some elements."""
+
+    def matrices(at: Float, want: Want) -> Float:
+        _, found = response.response(which, at, want)
+        assert found is not None
+        return found
+
+    geometric = matrices(u, Want.TANGENT) - matrices(-u, Want.TANGENT)
+    return 0.5 * (geometric + matrices(u, Want.MATERIAL) + matrices(-u, Want.MATERIAL))
 
 
 def _symmetric(faces: PressedFaces, points: Float, factor: float, which: Long) -> Float:
