@@ -188,9 +188,7 @@ class Equation:
         For total Lagrangian elements without heat, unknowns of their own and loads that follow.
         """
         elements = [
-            FormedElements(
-                one.name, one.cells, partial(_about_linear, one, u), one.block.numbers
-            )
+            FormedElements(one.name, one.cells, partial(_about_linear, one, u), one.block.numbers)
             for one in self.responses
         ]
         return Assembled(self._graph.fill(elements), elements, None)

@@ -239,4 +239,3 @@ def _tangent(
     system = scaled_system(assembled, points, equation.free, still[None], still[None])
     elements = ElementForces(lambda v: system.apply(v) * system.scale, system.elements.rounding)
     return assembled, replace(system, elements=elements), points
-

@@ -33,7 +33,7 @@ _CLUSTER = 1e-2
 # eta^2 / gap has been 0.7 of the true error once, among a hundred runs
 _SAFETY = 3.0
 # a second start of so many random vectors, and steps of inverse iteration of these
-_FRESH, _LOOKS = 2, 4
+_FRESH, _LOOKS = 2, 6
 # rows whose share that isn't in the others' span is less, squared
 _DEPENDENT = 1e-12
 # passes at most; least eigenvalue of unit rows' products from which on they are made orthonormal
@@ -41,8 +41,8 @@ _DEPENDENT = 1e-12
 _PASSES, _WELL, _APART = 4, 1e-3, 1e-8
 # steps after which it won't get there
 _STEPS, _STEPS_OF_EACH = 60, 8
-# of values: less is no motion of them; of residuals: less is none
-_ROUNDING, _NOTHING = 1e-9, 1e-12
+# of values: less is no motion of them
+_ROUNDING = 1e-9
 # of the energy that a motion and its forces could have: less than none is no rounding
 _INDEFINITE = -1e-8
 
@@ -201,9 +201,7 @@ class _Errors:
 
     def tell(self, which: Long, values: Float, squares: Float) -> None:
         """Residual times correction of ``which`` values (m,)."""
-        relative = squares / values**2
-        known = relative > -(_NOTHING**2)
-        self.eta[which] = np.sqrt(np.where(known, np.maximum(relative, 0.0), np.inf))
+        self.eta[which] = np.sqrt(np.where(squares >= 0.0, squares, np.inf)) / np.abs(values)
         self._values[which] = values
 
 
@@ -227,6 +225,9 @@ def davidson(
     added, looks, limit = basis.extend(start), 0, _STEPS + _STEPS_OF_EACH * wanted
     for step in range(limit):
         values, shares = basis.ritz()
+        if len(values) + len(pencil.known) == pencil.size:
+            errors.tell(np.arange(wanted), values[:wanted], np.zeros(wanted))
+            break
         todo = errors.open(values, pencil.negligible)[:block]
         if len(todo):
             _, energy, inertia = basis.combined(shares[todo])

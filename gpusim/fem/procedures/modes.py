@@ -9,6 +9,7 @@ from typing import Annotated
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float
+from gpusim.errors import NotConverged
 from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
 from gpusim.fem.linear.shifted_solver import definite_solver
 from gpusim.fem.linear.solve_plan import METHODS, Clock, Options
@@ -110,7 +111,12 @@ def modes(
         unknowns = int(equation.unknown.sum())
         most = int(count) if limits is None else min(int(count), unknowns)
         require(most <= unknowns, "modes: count", count, f"at most {unknowns}, the unknowns")
-        search = _Search(equation, rigid, options)
+        try:
+            search = _Search(equation, rigid, options)
+        except NotConverged as error:
+            if prestress is None:
+                raise
+            raise NotConverged(f"modes: the prestressed body isn't stable there: {error}") from None
         found = search.lowest(most - len(rigid.names))
         if limits is not None:
             found = search.up_to((2.0 * np.pi * limits[1]) ** 2, found)
