@@ -89,12 +89,12 @@ class Eigenpairs:
 
 
 class _Basis:
-    """Rows orthonormal in A, the known ones first, with what A and B make of them."""
+    """Rows orthonormal in A, the known ones first, and A times them."""
 
     def __init__(self, pencil: Pencil, most: int) -> None:
         self._pencil, self._known = pencil, len(pencil.known)
         shape = self._known + most, len(pencil.unknown)
-        self._rows, self._energy, self._inertia = (np.empty(shape) for _ in range(3))
+        self._rows, self._energy = np.empty(shape), np.empty(shape)
         self._products = np.zeros((most, most))
         self._size = self._known
         if self._known:
@@ -111,35 +111,32 @@ class _Basis:
         values, vectors = np.linalg.eigh(0.5 * (products + products.T))
         return values[::-1], vectors[:, ::-1].T
 
-    def combined(self, shares: Float) -> tuple[Float, Float, Float]:
-        """Vectors of ``shares`` (k,m), and what A and B make of them."""
+    def combined(self, shares: Float) -> tuple[Float, Float]:
+        """Vectors of ``shares`` (k,m), and A times them."""
         own = slice(self._known, self._size)
-        return shares @ self._rows[own], shares @ self._energy[own], shares @ self._inertia[own]
+        return shares @ self._rows[own], shares @ self._energy[own]
 
     def last(self, count: int) -> Float:
-        """B times the rows that came last."""
-        return self._inertia[self._size - count : self._size]
+        """The rows that came last."""
+        return self._rows[self._size - count : self._size]
 
     def restart(self, values: Float, shares: Float) -> None:
         """Keep these Ritz vectors alone."""
-        rows, energy, inertia = self.combined(shares)
+        rows, energy = self.combined(shares)
         self._size = self._known + len(values)
-        own = slice(self._known, self._size)
-        self._rows[own], self._energy[own], self._inertia[own] = rows, energy, inertia
+        self._rows[self._known : self._size] = rows
+        self._energy[self._known : self._size] = energy
         self._products[: len(values), : len(values)] = np.diag(values)
 
     def extend(self, new: Float) -> int:
         """Add what is new in rows ``new``; how many that were."""
         new, image = self._orthonormal(new)
-        if not len(new):
-            return 0
-        part = slice(self._size, self._size + len(new))
-        self._rows[part], self._energy[part] = new, image
-        self._inertia[part] = inertia = self._pencil.inertia(new)
-        before, self._size = self._size - self._known, part.stop
-        across = self._rows[self._known : self._size] @ inertia.T
-        self._products[: len(across), before : len(across)] = across
-        self._products[before : len(across), : len(across)] = across.T
+        before, self._size = self._size, self._size + len(new)
+        self._rows[before : self._size], self._energy[before : self._size] = new, image
+        across = self._rows[self._known : self._size] @ self._pencil.inertia(new).T
+        own = slice(before - self._known, len(across))
+        self._products[: len(across), own] = across
+        self._products[own, : len(across)] = across.T
         return len(new)
 
     def _orthonormal(self, new: Float) -> tuple[Float, Float]:
@@ -230,8 +227,8 @@ def davidson(
             break
         todo = errors.open(values, pencil.negligible)[:block]
         if len(todo):
-            _, energy, inertia = basis.combined(shares[todo])
-            residual = inertia - values[todo, None] * energy
+            vectors, energy = basis.combined(shares[todo])
+            residual = pencil.inertia(vectors) - values[todo, None] * energy
             new = pencil.solve(residual)
             squares = np.einsum("ij,ij->i", residual, new) / pencil.weakest
             errors.tell(todo, values[todo], squares)
@@ -240,7 +237,8 @@ def davidson(
             new = pencil.random(block, step + 1)
         elif looks < _LOOKS:
             # what was missed isn't in the basis: inverse iteration beside it brings it up
-            new = pencil.solve(basis.last(added)) if looks else pencil.random(_FRESH, step + 1)
+            forces = pencil.inertia(basis.last(added))
+            new = pencil.solve(forces) if looks else pencil.random(_FRESH, step + 1)
             looks += 1
         else:
             break

@@ -179,7 +179,7 @@ class _Search:
         if count <= 0:
             none = np.zeros(0)
             return _Elastic(none, np.zeros((0, len(self.equation.unknown))), none, True, 0)
-        need = 24 * (2 * count + 40) * len(self.equation.unknown)
+        need = 16 * (2 * count + 40) * len(self.equation.unknown)
         expected = f"at most {_MEMORY:.0%} of the free memory: fewer modes, or a narrower band"
         fits = need <= _MEMORY * host_memory()
         require(fits, f"modes: {count} modes need", f"{need / 1e9:.1f} GB", expected)
