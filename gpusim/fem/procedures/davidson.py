@@ -32,6 +32,8 @@ _GUARDS, _GUARD_ERROR = 2, 0.1
 _CLUSTER = 1e-2
 # eta^2 / gap has been 0.7 of the true error once, among a hundred runs
 _SAFETY = 3.0
+# what the last correction, which isn't in eta, takes off vectors' angles at least
+_CORRECTED = 2.0
 # a second start of so many random vectors, and steps of inverse iteration of these
 _FRESH, _LOOKS = 2, 6
 # rows whose share that isn't in the others' span is less, squared
@@ -191,7 +193,7 @@ class _Errors:
         same = moved <= np.maximum(self.eta[here], _ROUNDING) * np.abs(ritz)
         self.eta[here][~same] = np.inf
         gap = gaps(values, len(ritz))
-        aims = np.sqrt(self._tolerance * np.minimum(0.5 * gap**2, gap / _SAFETY))
+        aims = np.sqrt(self._tolerance * np.minimum((_CORRECTED * gap) ** 2, gap / _SAFETY))
         wanted = np.arange(len(ritz)) < self._count
         good = self.eta[here] <= np.where(wanted, aims, _GUARD_ERROR)
         return np.flatnonzero(~good & (ritz > negligible * np.abs(values).max()))
@@ -232,7 +234,6 @@ def davidson(
             new = pencil.solve(residual)
             squares = np.einsum("ij,ij->i", residual, new) / pencil.weakest
             errors.tell(todo, values[todo], squares)
-            new = new[np.isin(todo, errors.open(values, pencil.negligible))]
         elif len(values) < wanted:
             new = pencil.random(block, step + 1)
         elif looks < _LOOKS:
