@@ -33,6 +33,7 @@ from gpusim.fem.model.elimination import Elimination, eliminate
 from gpusim.fem.model.mass import ElementMass, check_densities, scalar_mass
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.solution import Solution
+from gpusim.fem.model.supports import rigid_modes
 from gpusim.fem.sparse.block_rows import block_matrix
 from gpusim.validation import require
 
@@ -145,6 +146,15 @@ class EquationOfMotion:
         """What M a does to x: (L,3N), of accelerations a (L,N,3) of all nodes, in the model's own
         numbers; those that are held still move as well."""
         return self._forces(self.shift(1.0).forces(self.inside(a)))
+
+    def base_motions(self) -> tuple[Float, Float, Float]:
+        """The centre of mass (3,), masses and moments of inertia about it (6,), and what M r does to
+        x: (6,3N), of translations and rotations r of all nodes about the centre."""
+        weights = np.asarray(self.mass.sum(axis=1)).ravel()
+        centre = weights @ self.points / weights.sum()
+        base = np.moveaxis(rigid_modes(self.points, centre, 1.0), 2, 0)
+        forces = self.shift(1.0).forces(base)
+        return centre, np.einsum("kni,kni->k", base, forces), self._forces(forces)
 
     @property
     def matrices(self) -> tuple[csr_matrix, csr_matrix]:
