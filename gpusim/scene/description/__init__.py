@@ -16,7 +16,8 @@ In the order in which data passes:
 - `lens`: What a real camera does to a pinhole's image.
 - `sensor`: From radiance to grey values.
 - `camera`: From where a scene is seen.
-- `processing`: What is done with a scene, and the states that are compared.
+- `analysis`: What is computed, and the frames that it is computed for.
+- `processing`: How far it is solved and rendered, what is written, and states that are compared.
 - `measure_table`: What every ``[[measure]]`` says, and the kinds that there are.
 - `correlation_measures`: The tables of ``[[measure]]`` that correlate pictures: what all of them
   say, and those that follow a few places over frames.
