@@ -16,7 +16,7 @@ from gpusim.scene import cost as cost_of
 from gpusim.scene.analyses import kind_of
 from gpusim.scene.cost import Counts
 from gpusim.scene.description.model import CameraTable
-from gpusim.scene.frames import Shown
+from gpusim.scene.frames import Shown, frame_text
 
 __all__ = ["Plan", "PlannedStage", "make_plan", "plan_of"]
 
@@ -145,10 +145,12 @@ class _ScenePlan:
 
     def _words(self, shown: Shown, number: int) -> str:
         """The different weights of a frame, in the order in which bodies have them."""
+        kind = kind_of(self.scene)
+        if "load_factors" not in kind.type.keys:
+            return frame_text(self.scene, number)
         weights = [weight for state in shown.states for weight in state or (0.0,)]
         weights = list(dict.fromkeys(weights)) or [self.frames[number].factor]
-        word = "time" if kind_of(self.scene).type.given else "load x"
-        return f"{word} {', '.join(f'{weight:g}' for weight in weights)}"
+        return f"load x {', '.join(f'{weight:g}' for weight in weights)}"
 
     def _described(
         self, stage: PlannedStage, camera: CameraTable, seconds: float, what: str

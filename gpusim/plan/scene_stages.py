@@ -89,9 +89,12 @@ def _pictures(build: StageBuilder, camera: str, motions: Needs) -> Iterator[Stag
     (spec,) = (one for one in scene.cameras if one.name == camera)
     rate = scene.analysis.frame_rate
     board = scene.calibration.board if scene.calibration else ""
+    # neighbours tell how things move while the shutter is open, but for what is known at any time
+    told = kind_of(scene).type.vibrates and not any(prop.poses for prop in scene.props)
+    wide = spec.shutter is not None and rate is not None and not told
     rows, moved = [], []
     for number in range(len(frames)):
-        near = frames.near(number, wide=spec.shutter is not None and rate is not None)
+        near = frames.near(number, wide)
         shown = [frames.shown(one) for one in near]
         row = [shown, near.index(number), (near[-1] - near[0]) / (rate or 1.0), board]
         rows.append(row if build.options.skip else [*row, number])  # else equal frames are one

@@ -39,7 +39,8 @@ class FieldPicture:
     in ``frame``, displacements ``factor`` times as large: ``file``, in the output folder.
 
     ``largest``: the value, in ``unit``, that is the farthest from zero; it is of ``body``, at
-    ``position_mm`` of the undeformed body.
+    ``position_mm`` of the undeformed body. ``shown``: what the frame shows, where pictures are of
+    several frames.
     """
 
     field: str
@@ -51,6 +52,7 @@ class FieldPicture:
     frame: int
     factor: float
     file: str
+    shown: str = ""
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,27 @@ class LoadStepRow:
     error_estimate: float
     stored_J: float
     work_J: float
+
+
+@dataclass(frozen=True)
+class ModeRow:
+    """Mode ``number`` of a ``body``, from 1, rigid-body ones not counted: its frequency, or without
+    a ``unit`` its critical load factor, with an ``error`` relative to what the mesh has;
+    ``mass``: the share of the body's mass and moments of inertia that it takes up."""
+
+    body: str
+    number: int
+    value: float
+    error: float
+    mass: tuple[float, ...] = ()
+    unit: str = "Hz"
+
+    def content(self) -> dict[str, Any]:
+        """For report.json."""
+        what = "frequency_Hz" if self.unit else "critical_load_factor"
+        content = {"body": self.body, "mode": self.number, what: self.value}
+        content["error_relative"] = self.error
+        return content | ({"effective_mass": self.mass} if self.mass else {})
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from gpusim.report.findings import (
     LoadPath,
     Mechanics,
     MeshSummary,
+    ModeRow,
     Published,
 )
 from gpusim.report.text import plain_data
@@ -283,6 +284,7 @@ class Report:
     explanations: tuple[Explanation, ...] = ()
     fields: tuple[FieldPicture, ...] = ()
     load_path: LoadPath | None = None
+    modes: tuple[ModeRow, ...] = ()
 
     description: str = ""
     failure: str = ""
@@ -329,6 +331,7 @@ class Report:
             "mechanics": self.mechanics,
             "fields": self.fields,
             "load_path": self.load_path,
+            "modes": self.modes,
             "measurements": self.measurements,
             "published": self.published,
             "budget": self.budget,

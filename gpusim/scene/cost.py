@@ -145,13 +145,13 @@ def estimate(scene: Scene, made: Counts | None = None) -> Cost:
     elements = sum(count[1] for count in counts)
     pixels = max((c.resolution[0] * c.resolution[1] for c in scene.cameras), default=0)
     most = max((_renderings(c) for c in scene.cameras), default=1.0)
-    frames = len(scene.cameras) * len(scene.analysis.load_factors)
+    frames = len(scene.cameras) * len(scene.analysis.frame_values)
     fixed, per_pixel = _per_image(scene)
     bands, slower = (3, 1.25) if in_color(scene) else (1, 1.0)  # `python -m benchmarks.color`
     markers = _markers(scene)
     layers = len(scene.output.truth)
     together = len(scene.cameras) if "cameras" in scene.output.truth else 1
-    steps = len(scene.analysis.load_factors)
+    steps = len(scene.analysis.frame_values)
     measuring = sum(one.seconds(markers, pixels, steps) for one in scene.measures)
     # what every pixel sees, its spline and its subsets
     of_pixel = 300 if any(one.correlates for one in scene.measures) else 12

@@ -97,7 +97,7 @@ def test_a_plan_of_it_builds_no_model(tmp_path: Path) -> None:
 
 def test_schema_and_messages_name_it() -> None:
     schema = json.dumps(json_schema())
-    assert '["static", "field", "swing"]' in schema
+    assert '["static", "field", "modal", "transient", "harmonic", "buckling", "swing"]' in schema
     with pytest.raises(SceneError, match=r'"swing" \(rigid\)'):
         small_scene(analysis={"type": "spin"})
     with pytest.raises(SceneError, match=r'times.*of an analysis of type "swing"'):

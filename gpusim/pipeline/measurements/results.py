@@ -180,7 +180,7 @@ class Result:
 
     def instants(self, scene: Scene) -> tuple[Float, str]:
         """Load factors or times (F,) of the frames, and what they are called."""
-        factors, word = scene.analysis.load_factors, frame_word(scene).replace("_", " ")
+        factors, word = scene.analysis.frame_values, frame_word(scene).replace("_", " ")
         return np.array([factors[frame] for frame in self.table.frames]), word
 
     def tables(self) -> dict[str, str]:

@@ -2,55 +2,165 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from math import floor
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
-from .table import Listed, Table, Words, fault
+from .table import Count, Direction, Length, Listed, Names, PositivePair, Table, Words, fault
 
 Geometry = Literal["auto", "linear", "nonlinear"]
+MassRule = Literal["exact", "calculix", "lumped"]
+TimeMethod = Literal["modal", "newmark", "hht", "generalized-alpha"]
 
-Series = Annotated[tuple[float, ...], Listed(1, 10_000)]
+MOST_FRAMES = 10_000
+Series = Annotated[tuple[float, ...], Listed(1, MOST_FRAMES)]
+ModeNumbers = Annotated[
+    tuple[Annotated[int, Field(ge=1)], ...], Listed(1, MOST_FRAMES, different=True)
+]
+Frequencies = Annotated[
+    tuple[Annotated[float, Field(gt=0)], ...], Listed(1, MOST_FRAMES, different=True)
+]
 _FACTORS = (0.0, 1.0)
 OTHER_SOLVER = (
     "what another program has solved goes into [body.field] file, or `gpusim render --field FILE`"
 )
 """The way out where gpusim doesn't solve."""
-_PLANNED = ("modal", "transient", "harmonic", "dynamic", "buckling")
 
 
 @dataclass(frozen=True)
 class AnalysisType:
-    """A ``type``: what it is ``about``, in a few words; whether bodies have a ``field`` in place of
-    a mesh, and frames times in place of load factors: ``given``."""
+    """A ``type``: what it is ``about``, in a few words.
+
+    given : whether bodies have a ``field`` in place of a mesh.
+    vibrates : whether bodies have inertia: materials need a density, and how bodies move is known
+        at any instant, not only in frames.
+    keys : of its table, those that not all types have; ``needs``: which of them must be there, and
+        what each is.
+    word, values : what frames are numbered by, and of a table these numbers.
+    """
 
     about: str
     given: bool = False
+    vibrates: bool = False
+    keys: tuple[str, ...] = ("geometry", "load_factors", "frame_rate_Hz")
+    needs: Mapping[str, str] = field(default_factory=dict)
+    word: str = "load_factor"
+    values: Callable[[AnalysisTable], tuple[float, ...]] = lambda table: table.load_factors
+
+
+def _phases(table: AnalysisTable) -> tuple[float, ...]:
+    """Degrees; frame 0 shows bodies at rest."""
+    return (0.0, *(360.0 * turn for _, turn in table.oscillations))
+
+
+def _mode_numbers(table: AnalysisTable) -> tuple[float, ...]:
+    return (0.0, *(float(number) for number in table.shown_modes))
+
+
+def _times(table: AnalysisTable) -> tuple[float, ...]:
+    rate, duration = table.frame_rate_Hz or 1.0, table.duration_s or 0.0
+    return tuple(k / rate for k in range(floor(duration * rate * (1 + 1e-12)) + 1))
 
 
 ANALYSIS_TYPES = {
     "static": AnalysisType("equilibrium"),
-    "field": AnalysisType("displacements that are given", given=True),
-}
+    "field": AnalysisType(
+        "displacements that are given", given=True, keys=("times", "frame_rate_Hz"),
+        needs={"times": "the time of each frame"}, word="time",
+        values=lambda table: table.times or (),
+    ),
+    "modal": AnalysisType(
+        "natural frequencies and mode shapes", vibrates=True, word="phase_deg", values=_phases,
+        keys=("count", "band_Hz", "mass", "modes", "amplitude_mm", "phases", "prestress"),
+    ),
+    "transient": AnalysisType(
+        "motion in time", vibrates=True, word="time", values=_times,
+        keys=("duration_s", "frame_rate_Hz", "method", "count", "step_s", "mass", "damping",
+              "release", "base_motion"),
+        needs={"duration_s": "how long it is followed", "frame_rate_Hz": "frames per second"},
+    ),
+    "harmonic": AnalysisType(
+        "steady vibration under loads that swing", vibrates=True, word="phase_deg", values=_phases,
+        keys=("frequencies_Hz", "phases", "mass", "damping", "band_Hz"),
+        needs={"frequencies_Hz": "the frequencies of the loads that are shown"},
+    ),
+    "buckling": AnalysisType(
+        "critical load factors", keys=("count", "modes", "amplitude_mm"), word="mode",
+        values=_mode_numbers,
+    ),
+}  # fmt: skip
 """`gpusim.scene.analyses.add_analysis` adds another one."""
+
+
+def frame_count(analysis: Mapping[str, Any] | None) -> int | None:
+    """How many frames a plain table has; None if it is no valid one."""
+    with suppress(ValidationError):
+        return len(AnalysisTable.model_validate(analysis or {}).frame_values)
+    return None
 
 
 def _existing(value: Any) -> Any:
     if value in tuple(ANALYSIS_TYPES):
         return value
     kinds = ", or ".join(f'"{name}" ({kind.about})' for name, kind in ANALYSIS_TYPES.items())
-    if value in _PLANNED:
-        raise fault("", "no such analysis yet", value, f"{kinds}; {OTHER_SOLVER}")
-    raise fault("", "unknown value", value, kinds)
+    raise fault("", "unknown value", value, f"{kinds}; {OTHER_SOLVER}")
 
 
 def _list_kinds(schema: dict[str, Any]) -> None:
     schema["enum"] = list(ANALYSIS_TYPES)
 
 
+class DampingTable(Table):
+    """What takes energy out of a vibration: a share of critical damping, Rayleigh's kind, or of
+    harmonic motion a loss factor.
+
+    Example::
+
+        ratio = 0.01
+    """
+
+    ratio: Annotated[float, Field(ge=0, lt=1)] | None = None
+    """Of critical damping, the same for all modes."""
+    rayleigh_mass_per_s: Annotated[float, Field(ge=0)] | None = None
+    """Damping per mass; beside it, or without it, rayleigh_stiffness_s."""
+    rayleigh_stiffness_s: Annotated[float, Field(ge=0)] | None = None
+    """Damping per stiffness."""
+    loss_factor: Annotated[float, Field(ge=0)] | None = None
+    """Of the stiffness, in harmonic motion: the same energy is lost in each cycle at any
+    frequency."""
+
+    @model_validator(mode="after")
+    def _check(self) -> DampingTable:
+        kinds = [key.split("_")[0] for key, value in self if value is not None]
+        if len(set(kinds)) != 1:
+            got = Words(" and ".join(dict.fromkeys(kinds)) or "no kind")
+            raise fault("", "not one kind of damping", got,
+                        "ratio, or Rayleigh's two, or loss_factor")  # fmt: skip
+        return self
+
+
+class BaseMotionTable(Table):
+    """How the ground moves that supports stand on; cameras don't move with it.
+
+    Example::
+
+        file = "quake.csv"
+        direction = [1.0, 0.0, 0.0]
+    """
+
+    path: Annotated[str, Field(alias="file", min_length=1)]
+    """A CSV file: time (s) and acceleration (m/s2), the ground at rest before."""
+    direction: Direction
+    """In which it is accelerated; its length doesn't matter."""
+
+
 class AnalysisTable(Table):
-    """Statics, or displacements that are given; one frame per load factor or time.
+    """What is computed, and the frames that it is computed for: load factors of statics, times, or
+    mode shapes.
 
     Example::
 
@@ -61,7 +171,8 @@ class AnalysisTable(Table):
     type: Annotated[str, BeforeValidator(_existing), Field(json_schema_extra=_list_kinds)] = (
         "static"
     )
-    """"field": bodies have a ``field``, and nothing is solved."""
+    """"field": bodies have a ``field``, and nothing is solved. "modal" and "buckling": frames show
+    the shapes of modes, "transient": times, "harmonic": phases of a steady vibration."""
     geometry: Geometry = "auto"
     """"linear": forces act on the unloaded shape; "nonlinear": on the shape as it is displaced, and
     displacements may be any; "auto": linear, and nonlinear for a body of which the linear solution
@@ -72,23 +183,122 @@ class AnalysisTable(Table):
     """Of type "field": the time of each frame, within those of the files and between their steps as
     you like; frame 0 is the reference."""
     frame_rate_Hz: Annotated[float, Field(gt=0)] | None = None
-    """How fast frames follow each other, for what moves while a ``camera.shutter`` is open."""
+    """How fast frames follow each other, for what moves while a ``camera.shutter`` is open; of type
+    "transient" the camera's rate, whatever steps the motion is computed in."""
+    count: Annotated[int, Field(ge=1, le=1000)] | None = None
+    """How many modes are computed, from the lowest; 10 without it (of type "buckling" 3). Of type
+    "transient", those that method "modal" superposes."""
+    band_Hz: PositivePair | None = None
+    """Of type "modal": all modes in it, in place of ``count``; of type "harmonic": the report shows
+    the response from its first to its second frequency."""
+    modes: ModeNumbers | None = None
+    """Which modes frames show, 1 the lowest; those of rigid bodies aren't counted. Without it
+    all."""
+    amplitude_mm: Length | None = None
+    """The largest displacement of each body in frames that show modes; 1 without it."""
+    phases: Count | None = None
+    """Frames in a period of vibration, after frame 0, which shows bodies at rest; 8 without it."""
+    prestress: bool | None = None
+    """Of type "modal": bodies vibrate about their equilibrium under the loads, which stiffens or
+    weakens them."""
+    mass: MassRule | None = None
+    """"exact" (without it), "lumped" at the nodes, or "calculix": integrated as CalculiX does."""
+    duration_s: Length | None = None
+    """Of type "transient": from frame 0, at time 0, to the last frame or a little later."""
+    method: TimeMethod | None = None
+    """Of type "transient": "modal" (without it) superposes ``count`` modes, and has no time steps;
+    the others step through time by ``step_s``."""
+    step_s: Length | None = None
+    """Of the methods that step: without it a fortieth of the lowest mode's period, or what frames
+    are apart if that is less."""
+    release: Names | None = None
+    """Names of loads that are let go at time 0: bodies start from their equilibrium under all
+    loads. Without it they start at rest and unloaded."""
+    base_motion: BaseMotionTable | None = None
+    """Of type "transient": the ground that supports stand on moves."""
+    damping: DampingTable | None = None
+    """None without it."""
+    frequencies_Hz: Frequencies | None = None
+    """Of type "harmonic": of the loads; frames show ``phases`` of each."""
 
     @property
     def load_factors(self) -> tuple[float, ...]:
-        """One per frame; of type "field" its time."""
-        return self.times or self.load_factors_
+        """One per frame of statics; what doesn't vary with frames has its loads once."""
+        return self.load_factors_ if "load_factors" in self._kind.keys else (1.0,)
+
+    @property
+    def frame_values(self) -> tuple[float, ...]:
+        """One per frame: load factor, time, or phase (deg)."""
+        return self._kind.values(self)
+
+    @property
+    def shown_modes(self) -> tuple[int, ...]:
+        """Numbers of the modes, or of the frequencies, that frames show, from 1."""
+        if self.frequencies_Hz is not None:
+            return tuple(range(1, len(self.frequencies_Hz) + 1))
+        return self.modes or tuple(range(1, self.mode_count + 1))
+
+    @property
+    def mode_count(self) -> int:
+        """How many modes are computed."""
+        return self.count or max(self.modes or (3 if self.type == "buckling" else 10,))
+
+    @property
+    def oscillations(self) -> tuple[tuple[int, float], ...]:
+        """Number of the mode, and the share of its period that has passed, of each frame after the
+        first."""
+        phases = self.phases or 8
+        return tuple((number, k / phases) for number in self.shown_modes for k in range(phases))
+
+    @property
+    def _kind(self) -> AnalysisType:
+        return ANALYSIS_TYPES[self.type]
 
     @model_validator(mode="after")
     def _check(self) -> AnalysisTable:
-        if ANALYSIS_TYPES[self.type].given:
-            if self.times is None:
-                raise fault("times", "missing", Words("no times"), "the time of each frame")
-            if self.geometry != "auto":
-                raise fault("geometry", "of a given field", self.geometry, "none")
-            if self.load_factors_ != _FACTORS:
-                raise fault("load_factors", "of a given field", self.load_factors_, "times")
-        elif self.times is not None:
-            raise fault("times", f'of an analysis of type "{self.type}"', self.times,
-                        "load_factors")  # fmt: skip
+        kind, given = self._kind, dict[str, Any]()
+        for name, info in type(self).model_fields.items():
+            if getattr(self, name) != info.default:
+                given[info.alias or name] = getattr(self, name)
+        for key, value in given.items():
+            if key not in (*kind.keys, "type"):
+                other = [f'"{name}"' for name, one in ANALYSIS_TYPES.items() if key in one.keys]
+                expected = f"type {' or '.join(other)}, or one of {', '.join(kind.keys)}"
+                raise fault(key, f'of an analysis of type "{self.type}"', value, expected)
+        for key, what in kind.needs.items():
+            if key not in given:
+                raise fault(key, "missing", Words(f"no {key}"), what)
+        self._check_modes(given)
+        self._check_times(given)
         return self
+
+    def _check_modes(self, given: Mapping[str, Any]) -> None:
+        if self.band_Hz is not None and not self.band_Hz[0] < self.band_Hz[1]:
+            raise fault("band_Hz", "no band", self.band_Hz, "a lower and a higher frequency")
+        if self.type == "modal" and self.band_Hz is not None:
+            if self.modes is None:
+                raise fault("modes", "missing beside band_Hz, which doesn't say how many there are",
+                            Words("no modes"), "those that frames show, as [1, 2, 3]")  # fmt: skip
+            if self.count is not None:
+                raise fault("count", "beside band_Hz", self.count, "one of them")
+        if self.modes and self.count and max(self.modes) > self.count:
+            raise fault("modes", "more than count", max(self.modes), f"at most {self.count}")
+
+    def _check_times(self, given: Mapping[str, Any]) -> None:
+        steps = self.method not in (None, "modal")
+        for key, fits in (("step_s", steps), ("count", not steps or self.type != "transient")):
+            if key in given and not fits:
+                raise fault(key, f'of method "{self.method or "modal"}"', given[key],
+                            'a method that steps, as "newmark"' if key == "step_s" else
+                            'method "modal"')  # fmt: skip
+        if self.damping and self.damping.loss_factor is not None and self.type != "harmonic":
+            raise fault("damping.loss_factor", f'of an analysis of type "{self.type}"',
+                        self.damping.loss_factor, "ratio, or Rayleigh's")  # fmt: skip
+        count = (self.duration_s or 0.0) * (self.frame_rate_Hz or 0.0) + 1.0
+        if self.type == "transient" and not count <= MOST_FRAMES:
+            raise fault("duration_s", "too many frames", Words(f"{count:.4g} frames"),
+                        f"at most {MOST_FRAMES}: less time, or a lower frame_rate_Hz")  # fmt: skip
+        shown = len(self.shown_modes) * (self.phases or 8)
+        if "phases" in self._kind.keys and not shown < MOST_FRAMES:
+            raise fault("phases", "too many frames", Words(f"{shown + 1} frames"),
+                        f"at most {MOST_FRAMES}, by fewer phases or modes")  # fmt: skip

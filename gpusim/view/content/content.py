@@ -23,7 +23,7 @@ from gpusim.pipeline.scene_objects.solution import SceneSolution
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import LoadGroup, load_groups
 from gpusim.scene.analyses import kind_of
-from gpusim.scene.frames import frame_word
+from gpusim.scene.frames import frame_text
 from gpusim.surface.color import Color, color
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
@@ -137,9 +137,8 @@ class Content:
         """What a slider says of a frame."""
         if self.objects is None or self.frames == 1:
             return ""
-        value = self.scene.analysis.load_factors[frame]
-        word = frame_word(self.scene).replace("_", " ")
-        return f"frame {frame} ({frame + 1} of {self.frames}): {word} {value:g}"
+        text = frame_text(self.scene, frame)
+        return f"frame {frame} ({frame + 1} of {self.frames}): {text}"
 
     def solve(
         self, solution: SceneSolution, stresses: Stresses | None, steps: Sequence[Stepped | None]
