@@ -35,8 +35,8 @@ from gpusim.fem.model.model import Model
 from gpusim.fem.model.solution import Solution
 from gpusim.validation import require
 
-# of the elements' own unknowns, which are found anew at an equilibrium
-_MODE_STEPS = 8
+# of the elements' own unknowns, which are found anew at an equilibrium, and when they have been
+_MODE_STEPS, _SETTLED = 8, 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +88,12 @@ class EquationOfMotion:
         image = system.elements.product(x.reshape(len(x), -1, 3)).reshape(x.shape)
         return np.where(self.unknown, image / self.scale, 0.0)
 
+    def rounding_by_deformation(self, x: Float) -> Float:
+        """(L,3N) as much as rounding can do to `stiffness_by_deformation`."""
+        system = self._reduced[1].by_deformation()
+        size = np.abs(system.rounding(x.reshape(len(x), -1, 3))).reshape(x.shape)
+        return np.where(self.unknown, size, 0.0)
+
     def inertia(self, x: Float) -> Float:
         """M x (L,3N)."""
         u, elimination = x.reshape(len(x), -1, 3), self._elimination
@@ -110,10 +116,19 @@ class EquationOfMotion:
 
     def forces(self, f: Float) -> Float:
         """What nodal forces (L,N,3), in the model's own numbers, do to x: (L,3N)."""
-        inside = f if self._numbering is None else self._numbering.forward(f)
+        return self._forces(f if self._numbering is None else self._numbering.forward(f))
+
+    def inertia_forces(self, a: Float) -> Float:
+        """What M a does to x: (L,3N), of accelerations a (L,N,3) of all nodes, in the model's own
+        numbers; those that are held still move as well."""
+        inside = a if self._numbering is None else self._numbering.forward(a)
+        return self._forces(self.shift(1.0).forces(inside))
+
+    def _forces(self, f: Float) -> Float:
+        """(L,3N) of forces (L,N,3) in the numbers inside."""
         if self._elimination is not None:
-            inside = self._elimination.forces(inside)
-        return np.where(self.unknown, inside.reshape(len(f), -1) / self.scale, 0.0)
+            f = self._elimination.forces(f)
+        return np.where(self.unknown, f.reshape(len(f), -1) / self.scale, 0.0)
 
     def shift(self, factor: float) -> Shift:
         """``factor`` times the mass."""
@@ -179,10 +194,13 @@ def _tangent(
     u = solution.u if solution.u.ndim == 2 else solution.u.sum(axis=0)
     u = u if numbering is None else numbering.forward(u)
     factors = solution.steps[-1].factors if solution.steps else np.ones(len(model.load_cases))
-    still = np.zeros_like(u)
+    still, forces = np.zeros_like(u), equation.internal(u, factors)
     for _ in range(_MODE_STEPS):
-        tangent = equation.linearised(u, factors)
         equation.advance(u, still, foretell=False)
+        before, forces = forces, equation.internal(u, factors)
+        if np.abs(forces - before).max() <= _SETTLED * np.abs(forces).max():
+            break
+    tangent = equation.linearised(u, factors)
     points = model.mesh.points + u
     system = scaled_system(tangent.assembled, points, equation.free, still[None], still[None])
     elements = ElementForces(lambda v: system.apply(v) * system.scale, system.elements.rounding)
