@@ -133,7 +133,8 @@ class Oscillation:
     def _part(self, state: State, factor: complex) -> Float:
         if not state[0]:
             return np.zeros_like(self.rest)
-        turned = factor * np.exp(2j * np.pi * state[1])
+        # a quarter of a period is one: nothing moves by what is rounded off
+        turned = factor * np.round(np.exp(2j * np.pi * state[1]), 15)
         amplitude = self.amplitudes[self._place(state)]
         return np.asarray(turned.real * amplitude.real - turned.imag * amplitude.imag)
 
@@ -190,6 +191,9 @@ class Transient:
         """None."""
         return np.zeros((0, 3))
 
-    def _at(self, state: State) -> Float:
-        both = np.stack(self.course.at(state[0]))
-        return np.asarray(both if self.shapes is None else np.tensordot(both, self.shapes, axes=1))
+    def _at(self, state: State) -> tuple[Float, Float]:
+        u, v = self.course.at(state[0])
+        if self.shapes is None:
+            return u, v
+        u, v = np.tensordot(np.stack([u, v]), self.shapes, axes=1)
+        return u, v

@@ -159,7 +159,7 @@ def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iter
     if output.fields and motions and any(not one.shown.unloaded for one in build.frames):
         needs = build.of_bodies("mesh") | motions | steps
         needs |= build.of_bodies("model") if "solve" in moving else {}
-        row = [*table, output.stress, frame_word(scene)]
+        row = [*table, output.stress, frame_word(scene), [*kind_of(scene).pictured(scene).items()]]
         sections = ["body.*.mechanics", *(f"camera.{one.name}" for one in scene.cameras[:1])]
         yield build.stage("fields", "fields:fields", sections, needs, [row], on_device=True,
                           keeps=True)  # fmt: skip

@@ -49,7 +49,7 @@ def draw_chart(chart: Chart, path: PathLike) -> Figure:
             axes.set_yscale("log")
         axes.set(xlabel=chart.x_label, ylabel=chart.y_label)
         if len(shown) > 1:
-            axes.legend(loc="upper right")
+            canvas.legend(loc="outside right upper")
 
     draw_png(path, _SIZE, draw)
     return Figure(Path(path), chart.title, chart.caption)
