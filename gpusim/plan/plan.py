@@ -13,7 +13,6 @@ from gpusim.plan.scene_stages import TARGET
 from gpusim.plan.stages import Plan, PlannedStage, RunOptions, timed, works_of
 from gpusim.scene import Scene, plausibility
 from gpusim.scene import cost as cost_of
-from gpusim.scene.analyses import kind_of
 from gpusim.scene.cost import Counts
 from gpusim.scene.description.model import CameraTable
 from gpusim.scene.frames import Shown, frame_text
@@ -145,8 +144,7 @@ class _ScenePlan:
 
     def _words(self, shown: Shown, number: int) -> str:
         """The different weights of a frame, in the order in which bodies have them."""
-        kind = kind_of(self.scene)
-        if "load_factors" not in kind.type.keys:
+        if not self.scene.analysis.scales_loads:
             return frame_text(self.scene, number)
         weights = [weight for state in shown.states for weight in state or (0.0,)]
         weights = list(dict.fromkeys(weights)) or [self.frames[number].factor]

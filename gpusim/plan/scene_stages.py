@@ -90,7 +90,7 @@ def _pictures(build: StageBuilder, camera: str, motions: Needs) -> Iterator[Stag
     rate = scene.analysis.frame_rate
     board = scene.calibration.board if scene.calibration else ""
     # neighbours tell how things move while the shutter is open, but for what is known at any time
-    told = kind_of(scene).type.vibrates and not any(prop.poses for prop in scene.props)
+    told = scene.analysis.vibrates and not any(prop.poses for prop in scene.props)
     wide = spec.shutter is not None and rate is not None and not told
     rows, moved = [], []
     for number in range(len(frames)):

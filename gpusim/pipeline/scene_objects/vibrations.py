@@ -34,8 +34,8 @@ def transient_arrays(motion: Transient, body: int) -> dict[str, npt.NDArray[Any]
 
 def stored_vibration(
     stored: Stored, body: int, name: str, analysis: AnalysisTable
-) -> Oscillation | Transient:
-    """The motion of a body of that ``name``, as an ``analysis`` shows it.
+) -> Oscillation | Transient | None:
+    """The motion of a body of that ``name``, as an ``analysis`` shows it; None if it has none.
 
     Raises InputError where there is no such mode, KeyError or ValueError for damage.
     """
@@ -45,6 +45,8 @@ def stored_vibration(
     if f"times{body}" in stored:
         known = {key: stored.get(f"{key}{body}") for key in _COURSE}
         return Transient(Course(**known), stored.get(f"shapes{body}"))  # type: ignore[arg-type]
+    if f"amplitudes{body}" not in stored:
+        return None
     amplitudes, shown = stored[f"amplitudes{body}"], analysis.shown_modes
     most = len(amplitudes)
     require(max(shown) <= most, f"analysis.modes: body {name!r}", max(shown), f"at most {most}")

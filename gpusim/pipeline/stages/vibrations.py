@@ -140,7 +140,7 @@ def harmonic(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     return found.result(session, f"{shown} frequencies, {RESPONSES if band else 0} of a curve")
 
 
-def vibration(scene: Scene, inputs: Inputs, session: Session) -> Oscillation | Transient:
+def vibration(scene: Scene, inputs: Inputs, session: Session) -> Oscillation | Transient | None:
     """The motion of one body, from its file."""
     number, name = inputs.row
     with np.load(inputs.read("solve", VIBRATION).stream(), allow_pickle=False) as stored:

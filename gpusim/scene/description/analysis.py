@@ -222,9 +222,19 @@ class AnalysisTable(Table):
     """Of type "harmonic": of the loads; frames show ``phases`` of each."""
 
     @property
+    def vibrates(self) -> bool:
+        """Whether bodies have inertia, and may be free."""
+        return self._kind.vibrates
+
+    @property
+    def scales_loads(self) -> bool:
+        """Whether frames are equilibria under multiples of the loads."""
+        return "load_factors" in self._kind.keys
+
+    @property
     def load_factors(self) -> tuple[float, ...]:
         """One per frame of statics; what doesn't vary with frames has its loads once."""
-        return self.load_factors_ if "load_factors" in self._kind.keys else (1.0,)
+        return self.load_factors_ if self.scales_loads else (1.0,)
 
     @property
     def frame_values(self) -> tuple[float, ...]:
