@@ -34,6 +34,7 @@ from gpusim.fem.materials.saint_venant_kirchhoff import SaintVenantKirchhoff
 from gpusim.fem.model.constraints import Equations, equations, tie
 from gpusim.fem.model.damping import ModalDamping, Rayleigh, StructuralDamping
 from gpusim.fem.model.follower_loads import FollowerPressure
+from gpusim.fem.model.harmonic_response import HarmonicResponse
 from gpusim.fem.model.loads import (
     body_force,
     centrifugal,
@@ -49,7 +50,10 @@ from gpusim.fem.model.modes import Modes
 from gpusim.fem.model.solution import LoadStep, Solution
 from gpusim.fem.model.supports import symmetry
 from gpusim.fem.model.thermal_loads import thermal
+from gpusim.fem.procedures.frequency_response import frequency_response
+from gpusim.fem.procedures.harmonic import harmonic
 from gpusim.fem.procedures.modes import modes
+from gpusim.fem.procedures.random_response import RandomResponse, random_response
 from gpusim.fem.procedures.statics import solve
 from gpusim.fem.recovery.stress import Stress, principal, stress, von_mises
 
@@ -58,6 +62,7 @@ __all__ = [
     "METHODS",
     "Equations",
     "FollowerPressure",
+    "HarmonicResponse",
     "Hencky",
     "IsochoricNeoHookean",
     "Isotropic",
@@ -69,6 +74,7 @@ __all__ = [
     "Modes",
     "NeoHookean",
     "Orthotropic",
+    "RandomResponse",
     "Rayleigh",
     "SaintVenantKirchhoff",
     "Solution",
@@ -80,6 +86,8 @@ __all__ = [
     "centrifugal",
     "equations",
     "face_force",
+    "frequency_response",
+    "harmonic",
     "line_force",
     "lumped_mass",
     "mass_matrix",
@@ -87,6 +95,7 @@ __all__ = [
     "nodal_force",
     "pressure",
     "principal",
+    "random_response",
     "solve",
     "stress",
     "symmetry",

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, identity, kron
 
 from gpusim.arrays.array_types import Bool, Float
 from gpusim.fem.assembly.assembly import Assembled, assemble, model_lattice
@@ -33,6 +33,7 @@ from gpusim.fem.model.elimination import Elimination, eliminate
 from gpusim.fem.model.mass import ElementMass, check_densities, scalar_mass
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.solution import Solution
+from gpusim.fem.sparse.block_rows import block_matrix
 from gpusim.validation import require
 
 
@@ -120,6 +121,16 @@ class EquationOfMotion:
         numbers; those that are held still move as well."""
         inside = a if self._numbering is None else self._numbering.forward(a)
         return self._forces(self.shift(1.0).forces(inside))
+
+    @property
+    def matrices(self) -> tuple[csr_matrix, csr_matrix]:
+        """K and M (n,n) over the scale, of the n displacements that are solved for."""
+        mass, free = csr_matrix(kron(self.mass, identity(3))), np.flatnonzero(self.unknown)
+        if self._elimination is not None:
+            mass = csr_matrix(self._elimination.matrix.T @ mass @ self._elimination.matrix)
+        both = block_matrix(self._reduced[0].rows).tocsr(), mass
+        stiffness, mass = (csr_matrix(one[free][:, free] / self.scale) for one in both)
+        return stiffness, mass
 
     def _forces(self, f: Float) -> Float:
         """(L,3N) of forces (L,N,3) in the numbers inside."""

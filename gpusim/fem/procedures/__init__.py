@@ -15,4 +15,13 @@ In the order in which data passes:
   mode.
 - `davidson`: Block Davidson iteration: the greatest mu of B x = mu A x, A positive definite.
 - `modes`: Modal analysis: natural frequencies and mode shapes, K u = omega^2 M u.
+- `modal_basis`: Modal bases: modes, and what static responses have beyond them.
+- `forced_vibration`: Forced vibration: a model as it is discretised, and the one load that drives
+  it.
+- `harmonic`: Harmonic response: steady vibration under loads, or on a base, that vary as
+  exp(i omega t).
+- `frequency_response`: Frequency-response functions: what one point does per unit of force at
+  another.
+- `random_response`: Random response: stationary vibration under a load, or on a base, known by its
+  spectral density.
 """
