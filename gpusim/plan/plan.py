@@ -93,7 +93,7 @@ class _ScenePlan:
         self.details = cost_of.describe(scene, made)
         states = [state for shown in (one.shown for one in self.frames) for state in shown.states]
         cases = max((len(state) for state in states if state is not None), default=1)
-        if cases > 1:
+        if cases > 1 and scene.analysis.scales_loads:
             self.details["solve"] += f", {cases} load cases"
 
     def plan(self) -> Plan:

@@ -10,9 +10,6 @@ from gpusim.plan.stage_builder import StageBuilder
 from gpusim.scene.amplitudes import LoadGroup, LoadHistory, load_groups, load_history
 from gpusim.scene.description.model import CameraTable
 
-_STEPS = 4
-"""Of a method that steps, from frame to frame, where nobody says how long they are."""
-
 
 def modal_stages(build: StageBuilder) -> Iterator[Stage]:
     """Modes of each body, whichever of them are shown."""
@@ -29,7 +26,7 @@ def buckling_stages(build: StageBuilder) -> Iterator[Stage]:
 def harmonic_stages(build: StageBuilder) -> Iterator[Stage]:
     """Steady vibration at each frequency, whichever phases are shown."""
     analysis = build.scene.analysis
-    options = _mass(build) | ({"count": analysis.count} if analysis.count else {})
+    options = _mass(build) | {"count": analysis.mode_count}
     row = [analysis.frequencies_Hz, analysis.band, _damping(build), options]
     yield from _solved(build, "vibrations:harmonic", row)
 
@@ -39,10 +36,9 @@ def transient_stages(build: StageBuilder) -> Iterator[Stage]:
     analysis, frames = build.scene.analysis, build.scene.analysis.frame_values
     around = max(map(_opening, build.scene.cameras), default=0.0)
     options: dict[str, Any] = {"method": analysis.method or "modal"} | _mass(build)
-    if options["method"] != "modal":
-        options["step"] = analysis.step_s or 1.0 / (_STEPS * analysis.frame_rate_Hz)
-    elif analysis.count:
-        options["count"] = analysis.count
+    options |= (
+        {"step": analysis.time_step} if analysis.time_step else {"count": analysis.mode_count}
+    )
     moved = [
         any(states) for states in zip(*(one.shown.states for one in build.frames), strict=True)
     ]

@@ -69,7 +69,7 @@ def describe(scene: Scene, made: Counts | None = None) -> dict[str, str]:
     wanted = [name for name in ("vtu", "stl", "calibration") if getattr(scene.output, name)]
     return {
         "mesh": "; ".join(mesh_words(body.mesh, made) for body in scene.bodies),
-        "solve": f"{size}{_SOLVER[scene.solver.method]}{_geometry(scene)}",
+        "solve": f"{size}{_SOLVER[scene.solver.method]}{_solutions(scene)[0]}",
         "render": lit,
         "truth": f"{len(scene.output.truth)} layers",
         "truth file": "mesh, nodes, and what cameras see",
@@ -158,7 +158,7 @@ def estimate(scene: Scene, made: Counts | None = None) -> Cost:
     return {
         "mesh": (200 * nodes, 0.05 + 2e-6 * nodes),
         "model": (100 * nodes, 0.5 + 1e-6 * nodes),
-        "solve": (4_500 * nodes, (0.2 + 2e-5 * nodes) * (1 + _ITERATIONS * _load_steps(scene))),
+        "solve": (4_500 * nodes, (0.2 + 2e-5 * nodes) * _solutions(scene)[1]),
         "surface": (200 * nodes, 0.05 + 2e-6 * elements),
         "render": (16 * bands * pixels, (fixed + slower * per_pixel * pixels) * most),
         "truth": (40 * pixels, together * steps * (0.2 + 1e-8 * layers * pixels)),
@@ -181,12 +181,25 @@ def _load_steps(scene: Scene) -> int:
     return len(set(analysis.load_factors) - {0.0}) if known else 0
 
 
-def _geometry(scene: Scene) -> str:
-    """How bodies are solved, as far as it is known beforehand."""
+_MODE, _TIME_STEP = 1.5, 0.15
+"""Linear solutions that a mode, and a time step, take as long as."""
+
+
+def _solutions(scene: Scene) -> tuple[str, float]:
+    """How bodies are solved, as far as it is known beforehand, and how many linear solutions take
+    as long."""
+    analysis, frames = scene.analysis, len(scene.analysis.frame_values)
+    if step := analysis.time_step:
+        steps = round((frames - 1) / (analysis.frame_rate_Hz or 1.0) / step)
+        return f", {steps:,} time steps for {frames:,} frames", 1.0 + _TIME_STEP * steps
+    if analysis.superposes_modes:
+        count, band = analysis.mode_count, analysis.type == "modal" and analysis.band_Hz
+        modes = "all modes of a band" if band else f"{count} modes"
+        return f", {modes}; {frames:,} frames are superposed from them", 1.0 + _MODE * count
     if steps := _load_steps(scene):
-        return f", nonlinear, {steps} load steps"
-    auto = scene.analysis.geometry == "auto"
-    return ", nonlinear if the linear solution is too far off" if auto else ""
+        return f", nonlinear, {steps} load steps", 1.0 + _ITERATIONS * steps
+    auto = analysis.geometry == "auto"
+    return ", nonlinear if the linear solution is too far off" if auto else "", 1.0
 
 
 _GROWTH = 0.25  # of the element size with the distance from a notch, as the builder has it

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -28,53 +29,11 @@ LOOKS = 100
 """Instants at which the node is looked for that moves most."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Ground:
-    """Moves with ``accelerations`` (R, 3) m/s2 from rest at time 0."""
-
-    accelerations: fem.Record
-
-    def at(self, times: Float) -> Float:
-        """(3, T, 3): displacement, velocity and acceleration, exactly."""
-        begin, a = self.accelerations.times, self.accelerations.values
-        lapse, slope = np.diff(begin)[:, None], np.diff(a, axis=0) / np.diff(begin)[:, None]
-        v, x = np.zeros((2, *a.shape))
-        v[1:] = np.cumsum(lapse * (a[:-1] + 0.5 * lapse * slope), axis=0)
-        x[1:] = np.cumsum(lapse * (v[:-1] + lapse * (a[:-1] / 2.0 + lapse * slope / 6.0)), axis=0)
-        k = np.clip(np.searchsorted(begin, times, side="right") - 1, 0, len(slope) - 1)
-        tau = (times - begin[k])[:, None]
-        return np.stack([
-            x[k] + tau * (v[k] + tau * (a[k] / 2.0 + tau * slope[k] / 6.0)),
-            v[k] + tau * (a[k] + tau * slope[k] / 2.0),
-            a[k] + tau * slope[k],
-        ])  # fmt: skip
-
-    def added(self, motion: Transient) -> Transient:
-        """A motion relative to the ground, as a camera that stands still sees it."""
-        course = motion.course
-        x, v, a = self.at(course.times)
-        if motion.shapes is None:
-            moved = replace(
-                course, values=course.values + x[:, None], rates=course.rates + v[:, None]
-            )
-            return Transient(moved)
-        assert course.accelerations is not None
-        along = np.zeros((3, *motion.shapes.shape[1:]))
-        along[[0, 1, 2], :, [0, 1, 2]] = 1.0
-        moved = Course(
-            course.times,
-            np.hstack([course.values, x]),
-            np.hstack([course.rates, v]),
-            np.hstack([course.accelerations, a]),
-        )
-        return Transient(moved, np.concatenate([motion.shapes, along]))
-
-
 def transient(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """The motion of each body at the instants of frames, and around them."""
     frames, around, histories, damping, options = inputs.row
-    ground = _ground(scene)
-    found = Found()
+    table, found = scene.analysis.base_motion, Found()
+    ground = None if table is None else _ground(scene, table.path, table.direction)
     for number, body in enumerate(scene.bodies):
         if histories[number] is None:
             continue
@@ -89,34 +48,46 @@ def transient(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
         instants = _instants(np.array(frames), around, end, around if modal else options["step"])
         # those of modes cost next to nothing
         curve = np.union1d(instants, np.linspace(0.0, end, CURVE)) if modal else instants
+        loads = fem.Record(np.array(times), np.array(amplitudes).T)
         history = fem.transient(
-            model,
-            times=curve,
-            loads=fem.Record(np.array(times), np.array(amplitudes).T),
-            damping=damping_of(damping),
-            initial=initial,
-            base=None if ground is None else ground.accelerations,
-            formulation=body.formulation,
-            **options,
-        )
+            model, times=curve, loads=loads, damping=damping_of(damping), initial=initial,
+            base=ground, formulation=body.formulation, **options,
+        )  # fmt: skip
         found.take(body, history, f"{history.message}; energy to {history.energy.drift:.1e}")
         if history.modal is None:
             motion = Transient(Course(instants, np.asarray(history.u), np.asarray(history.v)))
         else:
             motion = _superposed(history.modal, instants, around)
-        motion = motion if ground is None else ground.added(motion)
+        motion = motion if ground is None else _on_ground(motion, ground)
         found.arrays |= transient_arrays(motion, number)
         found.charts += _charts(body.name, history)
     return found.result(session, "; ".join(dict.fromkeys(found.facts.values())))
 
 
-def _ground(scene: Scene) -> _Ground | None:
-    table = scene.analysis.base_motion
-    if table is None:
-        return None
-    record = fem.read_record(scene.input(table.path))
-    along = np.array(table.direction) / np.linalg.norm(table.direction)
-    return _Ground(fem.Record(record.times, record.values[:, :1] * along))
+def _ground(scene: Scene, path: str, direction: Sequence[float]) -> fem.Record:
+    """Accelerations (R, 3) m/s2."""
+    record = fem.read_record(scene.input(path))
+    along = np.array(direction) / np.linalg.norm(direction)
+    return fem.Record(record.times, record.values[:, :1] * along)
+
+
+def _on_ground(motion: Transient, ground: fem.Record) -> Transient:
+    """A motion relative to the ground, which rests until it is accelerated, as a camera that stands
+    still sees it."""
+    from scipy.interpolate import make_interp_spline
+
+    acceleration, course = make_interp_spline(ground.times, ground.values, k=1), motion.course
+    x, v, a = (acceleration.antiderivative(order)(course.times) for order in (2, 1, 0))
+    if motion.shapes is None:
+        return Transient(
+            Course(course.times, course.values + x[:, None], course.rates + v[:, None])
+        )
+    along = np.zeros((3, *motion.shapes.shape[1:]))
+    along[[0, 1, 2], :, [0, 1, 2]] = 1.0
+    known = ((course.values, x), (course.rates, v), (course.accelerations, a))
+    return Transient(
+        Course(course.times, *map(np.hstack, known)), np.concatenate([motion.shapes, along])
+    )
 
 
 def _instants(frames: Float, around: float, end: float, spacing: float) -> Float:
@@ -148,18 +119,15 @@ def _superposed(modal: ModalMotion, instants: Float, around: float) -> Transient
 
 def _charts(name: str, history: fem.History) -> list[Chart]:
     """How the node moves that moves most, and where the energy is."""
-    times = history.times.tolist()
+    times: Any = history.times.tolist()
     looked = np.unique(np.linspace(0, len(times) - 1, LOOKS).astype(int))
     node = int(np.max([np.linalg.norm(history.u[k], axis=1) for k in looked], axis=0).argmax())
     moved = 1e3 * np.asarray(history.u[:, node])
     motion = {axis: moved[:, k].tolist() for k, axis in enumerate("xyz")}
-    energy = {
-        key.replace("_", " "): getattr(history.energy, key).tolist() for key in ENERGIES
-    }  # fmt: skip
-    place = place_of(history.model, node)
+    energy = {key.replace("_", " "): getattr(history.energy, key).tolist() for key in ENERGIES}
+    place, about = place_of(history.model, node), "Of the motion relative to the ground."
     return [
         Chart(f"Motion, {name}", f"Of {place}, which moves most.", "Time (s)",
               "Displacement (mm)", times, motion),
-        Chart(f"Energy, {name}", "Of the motion relative to the ground.", "Time (s)",
-              "Energy (J)", times, energy),
+        Chart(f"Energy, {name}", about, "Time (s)", "Energy (J)", times, energy),
     ]  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from typing import Any
@@ -50,6 +50,15 @@ class Found:
         self.warnings += [f"body {body.name!r}: {text}" for text in result.warnings]
         self.facts[f"solved, {body.name}"] = fact
 
+    def take_modes(self, body: int, rows: Sequence[ModeRow], shapes: Float, rest: Float) -> None:
+        """Of a body (its number), about ``rest``: shapes with a greatest displacement of 1."""
+        length = np.linalg.norm(shapes, axis=2).max(axis=1, initial=1e-300)
+        frequencies = np.array([one.value if one.unit else 0.0 for one in rows])
+        shapes = shapes / length[:, None, None]
+        numbers = [one.number for one in rows]
+        self.arrays |= oscillation_arrays(Oscillation(numbers, shapes, frequencies, rest), body)
+        self.modes += rows
+
     def result(self, session: Session, words: str) -> StageResult:
         """Of the stage."""
         said = {"modes": [asdict(one) for one in self.modes],
@@ -64,52 +73,46 @@ def modes(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     found = Found()
     for number, body in enumerate(scene.bodies):
         model, solution = linear_model(inputs, body), None
+        rest = np.zeros(model.mesh.points.shape)
         if prestressed:
             (solution,) = solve_bodies(scene.solver, [body], [model], session.options,
                                        inputs.progress)  # fmt: skip
+            rest = solution.u
         wanted = {"band": tuple(band)} if band else {"count": count}
         result = _elastic(model, body, wanted, {**options, "prestress": solution})
-        free = len(result.rigid)
+        free = int(np.count_nonzero(result.frequencies == 0.0))
         found.take(body, result, f"{len(result.frequencies) - free} modes, {result.method}")
         if free:
             found.facts[f"free, {body.name}"] = ", ".join(result.rigid)
         shares = result.effective_mass / np.maximum(result.total_mass, 1e-300)
-        found.modes += [
-            ModeRow(body.name, k + 1, float(frequency), float(error), tuple(share.tolist()))
-            for k, (frequency, error, share) in enumerate(
-                zip(result.frequencies[free:], result.error_estimate[free:], shares[free:],
-                    strict=True)
-            )
-        ]  # fmt: skip
-        rest = np.zeros(model.mesh.points.shape) if solution is None else solution.u
-        shapes = _of_length_1(result.shapes[free:])
-        numbers = range(1, len(shapes) + 1)
-        motion = Oscillation(numbers, shapes, result.frequencies[free:], rest)
-        found.arrays |= oscillation_arrays(motion, number)
+        known = (result.frequencies, result.error_estimate, shares)
+        rows = [
+            ModeRow(body.name, k, float(frequency), float(error), tuple(share.tolist()))
+            for k, (frequency, error, share) in enumerate(_rows(known, free), 1)
+        ]
+        found.take_modes(number, rows, result.shapes[free:], rest)
     lowest = min((one.value for one in found.modes), default=0.0)
     return found.result(session, f"{len(found.modes)} modes, the lowest of {lowest:.4g} Hz")
 
 
 def buckling(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """The lowest critical load factors of each body."""
-    count, options = inputs.row
     found = Found()
     for number, body in enumerate(scene.bodies):
         model = linear_model(inputs, body)
-        result = fem.buckling(model, count, formulation=body.formulation, **options)
+        result = fem.buckling(model, inputs.row[0], formulation=body.formulation)
         found.take(body, result, f"{len(result.factors)} critical loads, {result.method}")
-        found.modes += [
-            ModeRow(body.name, k + 1, float(factor), float(error), unit="")
-            for k, (factor, error) in enumerate(
-                zip(result.factors, result.error_estimate, strict=True)
-            )
+        rows = [
+            ModeRow(body.name, k, float(factor), float(error), unit="")
+            for k, (factor, error) in enumerate(_rows((result.factors, result.error_estimate)), 1)
         ]
-        shapes = _of_length_1(result.shapes)
-        still = np.zeros(len(shapes)), np.zeros(model.mesh.points.shape)
-        motion = Oscillation(range(1, len(shapes) + 1), shapes, *still)
-        found.arrays |= oscillation_arrays(motion, number)
+        found.take_modes(number, rows, result.shapes, np.zeros(model.mesh.points.shape))
     lowest = min((one.value for one in found.modes), default=0.0)
     return found.result(session, f"{len(found.modes)} critical loads, the lowest {lowest:.4g} x")
+
+
+def _rows(columns: Sequence[Float], first: int = 0) -> Iterator[tuple[Any, ...]]:
+    return zip(*(one[first:] for one in columns), strict=True)
 
 
 def harmonic(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
@@ -163,12 +166,6 @@ def _elastic(
             return result
         free = len(result.rigid)
         asked["count"] = wanted["count"] + free
-
-
-def _of_length_1(shapes: Float) -> Float:
-    """Shapes (n, N, 3) whose greatest displacement is 1."""
-    length = np.linalg.norm(shapes, axis=2).max(axis=1)
-    return np.asarray(shapes / np.maximum(length, 1e-300)[:, None, None])
 
 
 def damping_of(given: Mapping[str, float]) -> Any:

@@ -25,6 +25,7 @@ Frequencies = Annotated[
     tuple[Annotated[float, Field(gt=0)], ...], Listed(1, MOST_FRAMES, different=True)
 ]
 _FACTORS = (0.0, 1.0)
+_COUNTS = {"modal": 10, "buckling": 3}
 OTHER_SOLVER = (
     "what another program has solved goes into [body.field] file, or `gpusim render --field FILE`"
 )
@@ -85,7 +86,7 @@ ANALYSIS_TYPES = {
     ),
     "harmonic": AnalysisType(
         "steady vibration under loads that swing", vibrates=True, word="phase_deg", values=_phases,
-        keys=("frequencies_Hz", "phases", "mass", "damping", "band_Hz"),
+        keys=("frequencies_Hz", "phases", "count", "mass", "damping", "band_Hz"),
         needs={"frequencies_Hz": "the frequencies of the loads that are shown"},
     ),
     "buckling": AnalysisType(
@@ -186,8 +187,8 @@ class AnalysisTable(Table):
     """How fast frames follow each other, for what moves while a ``camera.shutter`` is open; of type
     "transient" the camera's rate, whatever steps the motion is computed in."""
     count: Annotated[int, Field(ge=1, le=1000)] | None = None
-    """How many modes are computed, from the lowest; 10 without it (of type "buckling" 3). Of type
-    "transient", those that method "modal" superposes."""
+    """How many modes are computed, from the lowest; without it 10, of type "buckling" 3, and 20
+    where a motion is superposed from them."""
     band_Hz: PositivePair | None = None
     """Of type "modal": all modes in it, in place of ``count``; of type "harmonic": the report shows
     the response from its first to its second frequency."""
@@ -209,8 +210,7 @@ class AnalysisTable(Table):
     """Of type "transient": "modal" (without it) superposes ``count`` modes, and has no time steps;
     the others step through time by ``step_s``."""
     step_s: Length | None = None
-    """Of the methods that step: without it a fortieth of the lowest mode's period, or what frames
-    are apart if that is less."""
+    """Of the methods that step: without it a quarter of the time from frame to frame."""
     release: Names | None = None
     """Names of loads that are let go at time 0: bodies start from their equilibrium under all
     loads. Without it they start at rest and unloaded."""
@@ -251,7 +251,19 @@ class AnalysisTable(Table):
     @property
     def mode_count(self) -> int:
         """How many modes are computed."""
-        return self.count or max(self.modes or (3 if self.type == "buckling" else 10,))
+        return self.count or max(self.modes or (_COUNTS.get(self.type, 20),))
+
+    @property
+    def superposes_modes(self) -> bool:
+        """Whether modes are all that is solved for, and frames cost no solution of their own."""
+        return "count" in self._kind.keys and self.time_step is None
+
+    @property
+    def time_step(self) -> float | None:
+        """s, of the methods that step through time."""
+        if self.type != "transient" or self.method in (None, "modal"):
+            return None
+        return self.step_s or 0.25 / (self.frame_rate_Hz or 1.0)
 
     @property
     def oscillations(self) -> tuple[tuple[int, float], ...]:
