@@ -95,6 +95,8 @@ class _Checks:
         kind = "" if self.analysis is None else str(self.analysis.get("type", "static"))
         self.analysis_type = ANALYSIS_TYPES.get(kind)
         self.frames = frame_count(self.analysis)
+        keys = self.analysis_type.keys if self.analysis_type else ()
+        self.frames_key = next((key for key in keys if key in _OF_FRAMES), "type")
         lists = ("material", "body", "prop", "camera", "measure", "variant")
         self.materials, self.bodies, self.props, self.cameras, self.measures, self.variants = (
             list(tables_of(document, key)) for key in lists
@@ -234,7 +236,7 @@ class _Checks:
                     self.add((*at, "load", place), problem, names[0], wanted)
             for kind in ("load", "support"):
                 for place, entry in tables_of(body, kind):
-                    if "times_s" not in entry:
+                    if "times_s" not in entry and self.frames_key != "type":
                         self._one_per_frame(
                             (*at, kind, place, "amplitude"), entry.get("amplitude"), "factor",
                             "frames in [analysis]",
@@ -279,9 +281,7 @@ class _Checks:
         kinds = [TABLES.get(str(measure.get("type"))) for _, measure in self.measures]
         least = max((kind.least_frames for kind in kinds if kind), default=0)
         if self.frames == 1 < least:
-            keys = self.analysis_type.keys if self.analysis_type else ()
-            key = next((one for one in keys if one in _OF_FRAMES), "type")
-            self.add(("analysis", key), "nothing to compare", Words("one frame"),
+            self.add(("analysis", self.frames_key), "nothing to compare", Words("one frame"),
                      "two frames or more, the first one the reference")  # fmt: skip
         measures = document.get("measure")
         if isinstance(measures, list) and measures and document.get("camera", []) == []:
