@@ -16,7 +16,7 @@ from scipy.sparse import csr_matrix, diags
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.fem.assembly.assembly import Assembled
-from gpusim.fem.assembly.element_batches import pair_blocks, portions
+from gpusim.fem.assembly.element_batches import Elements, pair_blocks, portions
 from gpusim.fem.assembly.element_responses import free_strain
 from gpusim.fem.assembly.node_graph import NodeGraph
 from gpusim.fem.elements.element_response import ElementResponse, Internal, Want
@@ -172,7 +172,7 @@ class Equation:
         skew = self.skew_stiffness(u, acting)
         return Tangent(u, factors, residual, Assembled(rows, elements, None), skew)
 
-    def elements(self, u: Float, want: Want, forces: Sequence[Float]) -> list[FormedElements]:
+    def elements(self, u: Float, want: Want, forces: Sequence[Float]) -> Sequence[Elements]:
         """Whose tangents are formed at ``u``; their ``forces`` (M,k,3) are written on the way."""
         return [
             FormedElements(

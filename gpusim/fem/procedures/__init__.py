@@ -24,4 +24,13 @@ In the order in which data passes:
   another.
 - `random_response`: Random response: stationary vibration under a load, or on a base, known by its
   spectral density.
+- `initial_value_problem`: Initial value problems of a body: what moves, from where, and what acts
+  on it when.
+- `modal_superposition`: Modal superposition: each mode by itself, exactly where loads are linear in
+  between instants.
+- `time_integration`: Time integration: Newmark's method, HHT-alpha and generalized-alpha, step by
+  step.
+- `nonlinear_motion`: Motion at large displacements: equilibrium with the forces of inertia, by
+  Newton's method.
+- `transient`: Transients: a body's response in time, by modes or step by step.
 """

@@ -97,7 +97,7 @@ def with_moving_ground(problem: InitialValueProblem, base: Record | None) -> Ini
     width = base.values.shape[1]
     require(width == 3, "transient: base: components", width, "3 accelerations, x y z")
     factors, model = problem.factors, problem.model
-    ground = base.within(*factors.times[[0, -1]], "transient: base")
+    ground = base.within(factors.times[0], factors.times[-1], "transient: base")
     elements = ElementMass(model, problem.formulation, problem.mass_rule)
     weight = np.asarray(scalar_mass(elements).sum(axis=1))
     inertia = -weight[None] * np.eye(3)[:, None]

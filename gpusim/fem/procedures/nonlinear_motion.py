@@ -14,9 +14,9 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
-from gpusim.fem.assembly.element_batches import portions
+from gpusim.fem.assembly.element_batches import Elements, portions
 from gpusim.fem.assembly.element_responses import element_responses
-from gpusim.fem.assembly.equation import Equation, FormedElements, Tangent
+from gpusim.fem.assembly.equation import Equation, Tangent
 from gpusim.fem.assembly.shifted_system import Shift, shifted_elements, with_row_sums
 from gpusim.fem.elements.element_response import Internal, Want
 from gpusim.fem.linear.solve_plan import Options
@@ -53,7 +53,7 @@ class StepEquation(Equation):
             assembled=replace(tangent.assembled, rows=rows),
         )
 
-    def elements(self, u: Float, want: Want, forces: Sequence[Float]) -> list[FormedElements]:
+    def elements(self, u: Float, want: Want, forces: Sequence[Float]) -> Sequence[Elements]:
         """With their share of the springs."""
         return [shifted_elements(one, self.shift) for one in super().elements(u, want, forces)]
 
@@ -144,10 +144,10 @@ class NonlinearMotion:
         return x
 
     def _inertia(self, a: Float) -> Float:
-        return self._mass.forces(a[None])[0]
+        return np.asarray(self._mass.forces(a[None])[0])
 
     def _factors(self, time: float) -> Float:
-        return self._problem.factors.at(np.array([time]))[0]
+        return np.asarray(self._problem.factors.at(np.array([time]))[0])
 
     def energies(self, state: State) -> Float:
         """As they were found in the step."""

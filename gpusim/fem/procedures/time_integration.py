@@ -139,6 +139,7 @@ class LinearMotion:
         self._forces = problem.forces(self.equation)
         self._solvers: dict[float, ShiftedSolver] = {}
         self._counts: list[int] = []
+        self._told: tuple[State | None, Float] = None, np.zeros(2)
 
     @property
     def message(self) -> str:
@@ -216,14 +217,17 @@ class LinearMotion:
         return equation.scale * np.array([work, lost])
 
     def energies(self, state: State) -> Float:
-        """Two products, for those who ask."""
+        """Two products, where they aren't known from the step before."""
+        if state is self._told[0]:
+            return self._told[1]
         kinetic = np.vdot(state.v, self.equation.inertia(state.v))
         strain = np.vdot(state.u, self.equation.stiffness(state.u))
-        return 0.5 * self.equation.scale * np.array([kinetic, strain])
+        self._told = state, 0.5 * self.equation.scale * np.array([kinetic, strain])
+        return self._told[1]
 
     def displacements(self, x: Float) -> Float:
         """With what constraints gave up."""
-        return self.equation.displacements(x)[0]
+        return np.asarray(self.equation.displacements(x)[0])
 
     def _solver(self, shift: float) -> ShiftedSolver:
         """Adaptive steps go back and forth between two lengths."""
@@ -260,11 +264,10 @@ class _Diagonal(Preconditioner):
 
 @dataclass(frozen=True)
 class StepSize:
-    """The ``first`` step, and all others; ``adaptive`` ones have an estimated error of at most
-    ``error`` each, and aren't longer than the first."""
+    """The ``first`` step, and the longest; shorter ones are taken where their estimated ``error``
+    would be greater. Infinite: all are as long as the first."""
 
     first: float
-    adaptive: bool
     error: float
 
 
@@ -274,15 +277,15 @@ def time_steps(motion: Motion, state: State, control: StepSize) -> Iterator[tupl
 
     Raises NotConverged where a constant step fails, or an adaptive one becomes too small.
     """
-    step = control.first
+    step, adaptive = control.first, control.error < np.inf
     for number in count():
-        for _ in range(_MOST_HALVINGS if control.adaptive else 1):
+        for _ in range(_MOST_HALVINGS if adaptive else 1):
             error = np.nan
             try:
                 after = motion.advance(state, step)
-                if control.adaptive or number % _LOOK == 0:
+                if adaptive or number % _LOOK == 0:
                     error = motion.error(state, after)
-                if not control.adaptive or error <= control.error:
+                if not adaptive or error <= control.error:
                     break
                 reason = f"an error of {error:.2g}"
             except NotConverged as failure:
@@ -295,5 +298,5 @@ def time_steps(motion: Motion, state: State, control: StepSize) -> Iterator[tupl
             )
         yield after, error
         state = after
-        if control.adaptive and error <= _SMALL_ERROR * control.error:
+        if adaptive and error <= _SMALL_ERROR * control.error:
             step = min(2.0 * step, control.first)
