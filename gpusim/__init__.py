@@ -72,6 +72,7 @@ if _typing.TYPE_CHECKING:
     from gpusim.errors import SceneError as SceneError
     from gpusim.errors import TwinMismatch as TwinMismatch
     from gpusim.fem import J2 as J2
+    from gpusim.fem import Buckling as Buckling
     from gpusim.fem import Hencky as Hencky
     from gpusim.fem import History as History
     from gpusim.fem import Isotropic as Isotropic
@@ -85,6 +86,7 @@ if _typing.TYPE_CHECKING:
     from gpusim.fem import SaintVenantKirchhoff as SaintVenantKirchhoff
     from gpusim.fem import Solution as Solution
     from gpusim.fem import StructuralDamping as StructuralDamping
+    from gpusim.fem import buckling as buckling
     from gpusim.fem import frequency_response as frequency_response
     from gpusim.fem import harmonic as harmonic
     from gpusim.fem import modes as modes
@@ -144,9 +146,9 @@ _HOMES = {
         "OutOfDeviceMemory SceneError TwinMismatch"
     ),
     "gpusim.fem": (
-        "Hencky History Isotropic J2 ModalDamping Model Modes NeoHookean Orthotropic Rayleigh "
-        "Record SaintVenantKirchhoff Solution StructuralDamping frequency_response harmonic modes "
-        "random_response read_record transient"
+        "Buckling Hencky History Isotropic J2 ModalDamping Model Modes NeoHookean Orthotropic "
+        "Rayleigh Record SaintVenantKirchhoff Solution StructuralDamping buckling "
+        "frequency_response harmonic modes random_response read_record transient"
     ),
     "gpusim.field": "Field read_field",
     "gpusim.files.frame_source": "FrameSource read_frames",

@@ -31,6 +31,7 @@ from gpusim.fem.materials.law import Law, Material, Update
 from gpusim.fem.materials.neo_hookean import NeoHookean
 from gpusim.fem.materials.orthotropic import Orthotropic
 from gpusim.fem.materials.saint_venant_kirchhoff import SaintVenantKirchhoff
+from gpusim.fem.model.buckling import Buckling
 from gpusim.fem.model.constraints import Equations, equations, tie
 from gpusim.fem.model.damping import ModalDamping, Rayleigh, StructuralDamping
 from gpusim.fem.model.follower_loads import FollowerPressure
@@ -52,6 +53,7 @@ from gpusim.fem.model.record import Record, read_record
 from gpusim.fem.model.solution import LoadStep, Solution
 from gpusim.fem.model.supports import symmetry
 from gpusim.fem.model.thermal_loads import thermal
+from gpusim.fem.procedures.buckling import buckling
 from gpusim.fem.procedures.frequency_response import frequency_response
 from gpusim.fem.procedures.harmonic import harmonic
 from gpusim.fem.procedures.modes import modes
@@ -63,6 +65,7 @@ from gpusim.fem.recovery.stress import Stress, principal, stress, von_mises
 __all__ = [
     "J2",
     "METHODS",
+    "Buckling",
     "EnergyHistory",
     "Equations",
     "FollowerPressure",
@@ -89,6 +92,7 @@ __all__ = [
     "Update",
     "Voce",
     "body_force",
+    "buckling",
     "centrifugal",
     "equations",
     "face_force",

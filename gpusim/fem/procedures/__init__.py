@@ -14,7 +14,11 @@ In the order in which data passes:
 - `rigid_body_modes`: Rigid-body modes: motions that cost no energy, known exactly before any other
   mode.
 - `davidson`: Block Davidson iteration: the greatest mu of B x = mu A x, A positive definite.
+- `rayleigh_quotients`: Rayleigh-Ritz: the eigenvalues in a span of vectors, as sharp as float64 has
+  the stiffness.
 - `modes`: Modal analysis: natural frequencies and mode shapes, K u = omega^2 M u.
+- `buckling`: Linear buckling: factors of the load at which stiffness is lost, (K + factor K_g) u =
+  0.
 - `modal_basis`: Modal bases: modes, and what static responses have beyond them.
 - `forced_vibration`: Forced vibration: a model as it is discretised, and the one load that drives
   it.
