@@ -48,8 +48,8 @@ def stored_vibration(
     if f"amplitudes{body}" not in stored:
         return None
     amplitudes, shown = stored[f"amplitudes{body}"], analysis.shown_modes
-    most = len(amplitudes)
-    require(max(shown) <= most, f"analysis.modes: body {name!r}", max(shown), f"at most {most}")
+    what, most = f"analysis.modes: body {name!r}", len(amplitudes)
+    require(max(shown) <= most, what, max(shown), f"at most {most}, as many as were found")
     chosen = np.array(shown) - 1
     frequencies = stored[f"frequencies{body}"][chosen]
     # modes have a greatest displacement of 1, vibrations their own

@@ -9,7 +9,8 @@ import numpy as np
 
 from gpusim import fem
 from gpusim.arrays.array_types import Float
-from gpusim.fem.model.history import ENERGIES, ModalMotion
+from gpusim.fem.model.history import ENERGIES
+from gpusim.fem.procedures.modal_superposition import ModalMotion
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
@@ -20,7 +21,7 @@ from gpusim.pipeline.stages.vibrations import Found, damping_of, linear_model, p
 from gpusim.report import Chart
 from gpusim.scene import Scene
 
-FINE = 1e-6
+FINE = 1e-7
 """Of the greatest displacement: what a motion may be off by between its instants."""
 MOST_HALVINGS = 12
 CURVE = 1001
@@ -66,7 +67,7 @@ def transient(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
 
 def _ground(scene: Scene, path: str, direction: Sequence[float]) -> fem.Record:
     """Accelerations (R, 3) m/s2."""
-    record = fem.read_record(scene.input(path))
+    record = fem.read_record(scene.input(path).path)
     along = np.array(direction) / np.linalg.norm(direction)
     return fem.Record(record.times, record.values[:, :1] * along)
 
@@ -84,10 +85,10 @@ def _on_ground(motion: Transient, ground: fem.Record) -> Transient:
         )
     along = np.zeros((3, *motion.shapes.shape[1:]))
     along[[0, 1, 2], :, [0, 1, 2]] = 1.0
+    assert course.accelerations is not None  # of shapes they are known
     known = ((course.values, x), (course.rates, v), (course.accelerations, a))
-    return Transient(
-        Course(course.times, *map(np.hstack, known)), np.concatenate([motion.shapes, along])
-    )
+    moved = Course(course.times, *(np.hstack(pair) for pair in known))
+    return Transient(moved, np.concatenate([motion.shapes, along]))
 
 
 def _instants(frames: Float, around: float, end: float, spacing: float) -> Float:
@@ -104,7 +105,7 @@ def _superposed(modal: ModalMotion, instants: Float, around: float) -> Transient
 
     size = np.linalg.norm(modal.shapes, axis=2).max(axis=1)
     for _ in range(MOST_HALVINGS):
-        known = modal.coordinates(instants)
+        known = modal.coordinates(instants)[:3]
         near = np.diff(instants) <= around * (1.0 + 1e-9)
         middle = (0.5 * (instants[:-1] + instants[1:]))[near]
         if not len(middle):
@@ -114,7 +115,7 @@ def _superposed(modal: ModalMotion, instants: Float, around: float) -> Transient
         if off.max() <= FINE * (np.abs(known[0]) @ size).max():
             break
         instants = np.union1d(instants, middle)
-    return Transient(Course(instants, *modal.coordinates(instants)), modal.shapes)
+    return Transient(Course(instants, *modal.coordinates(instants)[:3]), modal.shapes)
 
 
 def _charts(name: str, history: fem.History) -> list[Chart]:

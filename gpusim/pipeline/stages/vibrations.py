@@ -119,7 +119,7 @@ def harmonic(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """The steady vibration of each body at some frequencies, and how it varies over a band."""
     frequencies, band, damping, options = inputs.row
     found, shown = Found(), len(frequencies)
-    curve = np.linspace(*band, RESPONSES) if band else np.zeros(0)
+    curve = np.linspace(band[0], band[1], RESPONSES) if band else np.zeros(0)
     for number, body in enumerate(scene.bodies):
         model = linear_model(inputs, body)
         result = fem.harmonic(
