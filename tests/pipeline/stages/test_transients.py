@@ -51,7 +51,8 @@ def test_frames_and_what_is_between_them() -> None:
     # straight lines from frame to frame would be far off
     line = motion.displacement(state) + 2.7e-4 * motion.velocity(state)
     assert np.abs(line - history.at(0.00327)[0]).max() > 1e-2 * size
-    assert not motion.displacement((-1e-4,)).any(), "before the beginning it rests"
+    assert np.array_equal(motion.displacement((-1e-4,)), motion.displacement((0.0,)))
+    assert not motion.velocity((-1e-4,)).any(), "before the beginning it rests"
 
 
 def test_steps_are_apart_from_frames() -> None:
