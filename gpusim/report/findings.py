@@ -79,27 +79,6 @@ class LoadStepRow:
 
 
 @dataclass(frozen=True)
-class ModeRow:
-    """Mode ``number`` of a ``body``, from 1, rigid-body ones not counted: its frequency, or without
-    a ``unit`` its critical load factor, with an ``error`` relative to what the mesh has;
-    ``mass``: the share of the body's mass and moments of inertia that it takes up."""
-
-    body: str
-    number: int
-    value: float
-    error: float
-    mass: tuple[float, ...] = ()
-    unit: str = "Hz"
-
-    def content(self) -> dict[str, Any]:
-        """For report.json."""
-        what = "frequency_Hz" if self.unit else "critical_load_factor"
-        content = {"body": self.body, "mode": self.number, what: self.value}
-        content["error_relative"] = self.error
-        return content | ({"effective_mass": self.mass} if self.mass else {})
-
-
-@dataclass(frozen=True)
 class LoadPath:
     """How the node of ``body`` that moves most, at ``position_mm``, goes with the load: in each of
     ``frames`` the load ``factors`` (what they are: ``word``), its ``displacement_mm`` along the way

@@ -23,7 +23,6 @@ from gpusim.report.findings import (
     LoadPath,
     Mechanics,
     MeshSummary,
-    ModeRow,
     Published,
 )
 from gpusim.report.text import plain_data
@@ -284,7 +283,7 @@ class Report:
     explanations: tuple[Explanation, ...] = ()
     fields: tuple[FieldPicture, ...] = ()
     load_path: LoadPath | None = None
-    modes: tuple[ModeRow, ...] = ()
+    modes: tuple[Mapping[str, Any], ...] = ()
 
     description: str = ""
     failure: str = ""

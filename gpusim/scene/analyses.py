@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import importlib
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -34,8 +34,6 @@ class AnalysisKind:
     unsolved : why nothing is solved; "" where a model of each body is.
     told : of a scene and the number of a frame, what is shown in it; None: the number that frames
         have says it.
-    pictured : frames that the report shows in the colours of their displacement, and what each
-        shows; none: one that is chosen when all are known.
     """
 
     type: AnalysisType
@@ -43,7 +41,6 @@ class AnalysisKind:
     stages: str
     unsolved: str = ""
     told: Callable[[Scene, int], str] | None = None
-    pictured: Callable[[Scene], Mapping[int, str]] = lambda scene: {}
 
     def make_stages(self, build: Any) -> Any:
         """The stages, of what they are made with (`gpusim.plan.stage_builder.StageBuilder`)."""
@@ -118,12 +115,6 @@ def _oscillations(scene: Scene, scaled: bool) -> Sequence[States]:
     return [states for _ in scene.bodies]
 
 
-def _shapes(scene: Scene, scaled: bool) -> Sequence[States]:
-    """Buckling: the mode's number."""
-    states = [None, *((float(number), 0.0) for number in scene.analysis.shown_modes)]
-    return [states for _ in scene.bodies]
-
-
 def _mode_told(scene: Scene, frame: int) -> str:
     """The mode of a frame, or its frequency, and its phase."""
     if not frame:
@@ -133,18 +124,9 @@ def _mode_told(scene: Scene, frame: int) -> str:
     what = f"mode {number}"
     if analysis.frequencies_Hz:
         what = f"{analysis.frequencies_Hz[number - 1]:g} Hz"
-    return f"{what}, phase {360.0 * turn:g} deg"
+    return what if analysis.phase_count == 1 else f"{what}, phase {360.0 * turn:g} deg"
 
 
-def _modes_pictured(scene: Scene) -> Mapping[int, str]:
-    """The first frames of the first modes, or frequencies."""
-    shown = scene.analysis.shown_modes
-    phases = len(scene.analysis.frame_values) // len(shown)
-    word = "frequency" if scene.analysis.frequencies_Hz else "mode"
-    return {1 + k * phases: f"{word} {number}" for k, number in enumerate(shown[:_MOST_PICTURED])}
-
-
-_MOST_PICTURED = 20
 _STAGES, _VIBRATIONS = "gpusim.plan.motion_stages:", "gpusim.plan.vibration_stages:"
 ANALYSES = {
     "static": AnalysisKind(
@@ -156,18 +138,15 @@ ANALYSES = {
     ),
     "modal": AnalysisKind(
         ANALYSIS_TYPES["modal"], _oscillations, f"{_VIBRATIONS}modal_stages", told=_mode_told,
-        pictured=_modes_pictured,
     ),
     "transient": AnalysisKind(
         ANALYSIS_TYPES["transient"], _instants, f"{_VIBRATIONS}transient_stages"
     ),
     "harmonic": AnalysisKind(
         ANALYSIS_TYPES["harmonic"], _oscillations, f"{_VIBRATIONS}harmonic_stages", told=_mode_told,
-        pictured=_modes_pictured,
     ),
     "buckling": AnalysisKind(
-        ANALYSIS_TYPES["buckling"], _shapes, f"{_VIBRATIONS}buckling_stages",
-        pictured=_modes_pictured,
+        ANALYSIS_TYPES["buckling"], _oscillations, f"{_VIBRATIONS}buckling_stages", told=_mode_told
     ),
 }  # fmt: skip
 """By the name that ``[analysis] type`` has."""

@@ -170,8 +170,8 @@ def estimate(scene: Scene, made: Counts | None = None) -> Cost:
     }
 
 
-_ITERATIONS = 6
-"""Linear solutions of a load step."""
+_ITERATIONS, _MODE, _TIME_STEP = 6, 1.5, 0.15
+"""Linear solutions that a load step, a mode and a time step take as long as."""
 
 
 def _load_steps(scene: Scene) -> int:
@@ -181,21 +181,15 @@ def _load_steps(scene: Scene) -> int:
     return len(set(analysis.load_factors) - {0.0}) if known else 0
 
 
-_MODE, _TIME_STEP = 1.5, 0.15
-"""Linear solutions that a mode, and a time step, take as long as."""
-
-
 def _solutions(scene: Scene) -> tuple[str, float]:
-    """How bodies are solved, as far as it is known beforehand, and how many linear solutions take
-    as long."""
+    """How bodies are solved, as far as it is known, and how many linear solutions take as long."""
     analysis, frames = scene.analysis, len(scene.analysis.frame_values)
     if step := analysis.time_step:
         steps = round((frames - 1) / (analysis.frame_rate_Hz or 1.0) / step)
         return f", {steps:,} time steps for {frames:,} frames", 1.0 + _TIME_STEP * steps
     if analysis.superposes_modes:
-        count, band = analysis.mode_count, analysis.type == "modal" and analysis.band_Hz
-        modes = "all modes of a band" if band else f"{count} modes"
-        return f", {modes}; {frames:,} frames are superposed from them", 1.0 + _MODE * count
+        count = analysis.mode_count
+        return f", {count} modes; {frames:,} frames are superposed from them", 1.0 + _MODE * count
     if steps := _load_steps(scene):
         return f", nonlinear, {steps} load steps", 1.0 + _ITERATIONS * steps
     auto = analysis.geometry == "auto"

@@ -39,7 +39,6 @@ from gpusim.report import (
     LoadStepRow,
     Measurement,
     Mechanics,
-    ModeRow,
     Published,
     Report,
     SolutionSummary,
@@ -176,9 +175,9 @@ class SceneReport:
         return tuple(LoadStepRow(**row) for row in self._said("equilibria").get("steps", ()))
 
     @cached_property
-    def _modes(self) -> tuple[ModeRow, ...]:
+    def _modes(self) -> tuple[Mapping[str, Any], ...]:
         """Of bodies whose modes were asked for."""
-        return tuple(ModeRow(**_tuples(row)) for row in self._said("solve").get("modes", ()))
+        return tuple(self._said("solve").get("modes", ()))
 
     def _charts(self) -> list[Drawing]:
         """Curves of motions in time, and of responses over frequencies."""
@@ -321,29 +320,26 @@ def _newton_table(steps: Sequence[LoadStepRow]) -> tuple[Table, ...]:
     return (Table("Newton's method", columns, rows),)
 
 
-def _mode_table(modes: Sequence[ModeRow]) -> tuple[Table, ...]:
-    """Frequencies and effective masses, or critical load factors."""
+def _mode_table(modes: Sequence[Mapping[str, Any]]) -> tuple[Table, ...]:
+    """Frequencies and effective masses, or critical load factors, of the first modes."""
     if not modes:
         return ()
-    title, value, masses = "Critical loads", "Load factor", tuple[str, ...]()
-    if modes[0].unit:
-        title, value = "Natural frequencies", "Frequency / Hz"
-        masses = (*(f"Mass {axis} / %" for axis in "xyz"), *(f"Inertia {a} / %" for a in "xyz"))
+    columns = tuple(f"{key[0].upper()}{key[1:].replace('_', ' ')}" for key in modes[0])
     rows = tuple(
-        (one.body, str(one.number), number(one.value, 6), f"{one.error:.1e}",
-         *(f"{100.0 * share:.1f}" for share in one.mass))
+        tuple(f"{v:.6g}" if isinstance(v, float) else str(v) for v in one.values())
         for one in modes[:_MOST_ROWS]
-    )  # fmt: skip
-    return (Table(title, ("Body", "Mode", value, "Estimated error", *masses), rows),)
+    )
+    return (Table("Modes", columns, rows),)
 
 
-def _lowest(modes: Sequence[ModeRow]) -> dict[str, tuple[str, str]]:
-    """A card for the lowest mode of each of the first bodies."""
+def _lowest(modes: Sequence[Mapping[str, Any]]) -> dict[str, tuple[str, str]]:
+    """A card for the lowest mode of each body."""
+    firsts = [[*one.items()] for one in modes if one["mode"] == 1]
     return {
-        f"{'Lowest frequency' if one.unit else 'Critical load factor'}, {one.body}": (
-            f"{number(one.value, 5)} {one.unit}".strip(), f"mode {one.number}"
+        f"Lowest {what.partition('_')[0]}, {body}": (
+            f"{number(value, 5)} {what.partition('_')[2]}", "mode 1"
         )
-        for one in modes if one.number == 1
+        for (_, body), _, (what, value), *_ in firsts
     }  # fmt: skip
 
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
-from functools import partial
+from dataclasses import asdict, replace
 
 import cv2
 import numpy as np
@@ -13,7 +12,6 @@ from gpusim.arrays.array_types import Float
 from gpusim.export.body_state import BodyState
 from gpusim.export.field_catalogue import BODY
 from gpusim.export.images import encoded_picture
-from gpusim.gpu import Device
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
@@ -50,31 +48,38 @@ def fields(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     displacement, the components that matter, and, where it is asked for or costs little, von Mises
     stress and the largest principal strain. Of frames that show modes: displacement alone, unless
     stress is asked for."""
-    table, asked, word, shown = inputs.row
+    table, asked, word, modes = inputs.row
     frames = FrameTable(table)
     objects = moving_bodies(scene, inputs, [one.shown for one in frames])
-    cells = sum(parts.mesh.cell_count for parts in objects.bodies)
-    solved = bool(inputs.get(f"model/{scene.bodies[0].name}"))
-    stressed = solved and (asked or (cells <= CHEAP_CELLS and not shown))
-    facts = {} if stressed or not solved else {
+    looked = dict(modes) or {_most_moved(objects, frames): ""}
+    bodies = _displaced(objects, next(iter(looked)))
+    cells = sum(body.skin.mesh.cell_count for body in bodies)
+    solved = bool(inputs.get(f"model/{bodies[0].name}"))
+    stressed = solved and (asked or (cells <= CHEAP_CELLS and not modes))
+    facts = {} if stressed or not solved or modes else {
         "fields": f"no stress or strain of {cells} elements: [output] stress = true asks for them"
     }  # fmt: skip
     notes = notes_of(facts=facts, adapter=session.adapter) | {"path": None, "pictures": []}
-    looked = [number for number, _ in shown] or [_most_moved(objects, frames)]
-    bodies = _displaced(objects, looked[-1])
     if not any(body.u.any() for body in bodies):
         return StageResult({}, notes, "nothing has moved")
     solved_linearly: SceneSolution | None = inputs.get("solution")
-    if not objects.vibrations(looked[-1]):
+    if not objects.vibrations(next(iter(looked))):
         notes["path"] = asdict(_load_path(objects, frames, bodies, word, solved_linearly))
     if session.device is None:
         return StageResult({}, notes, "no pictures without a device")
     files: dict[str, bytes] = {}
-    for frame in looked:
-        drawn = _Drawn(objects, frame, stressed, _told(objects, frame, dict(shown).get(frame, "")))
-        found = drawn.pictures(scene, inputs, session.device)
-        files |= {one.file: data for one, data in found}
-        notes["pictures"] += [asdict(one) for one, _ in found]
+    for frame, text in looked.items():
+        bodies = _displaced(objects, frame)
+        states = list(_states(objects, bodies, inputs, frame)) if stressed else [
+            BodyState(body.skin.mesh, body.u) for body in bodies
+        ]  # fmt: skip
+        drawing = BodyPictures(session.device, bodies, _side(scene, bodies))
+        for picture, data in _pictures(drawing, bodies, states, stressed, frame):
+            if modes:
+                name = f"fields/{frame:04d}-{picture.field}.png"
+                picture = replace(picture, file=name, shown=f"{text}{_rates(objects, frame)}")
+            files[picture.file] = data
+            notes["pictures"].append(asdict(picture))
     return StageResult(files, notes, f"{len(files)} pictures")
 
 
@@ -91,72 +96,45 @@ def _most_moved(objects: MovingBodies, frames: FrameTable) -> int:
     moved = [one.number for one in frames if not one.shown.unloaded]
     if not objects.vibrations(moved[-1]):
         return moved[-1]
-    looked = np.unique(np.linspace(0, len(moved) - 1, min(len(moved), MOST_STATES)).astype(int))
-    return int(max((moved[k] for k in looked), key=partial(_greatest, objects)))
-
-
-def _greatest(objects: MovingBodies, frame: int) -> float:
-    every = [objects.displacement(number, frame) for number in range(len(objects.bodies))]
-    return max(float(np.linalg.norm(u, axis=1).max(initial=0.0)) for u in every)
-
-
-def _told(objects: MovingBodies, frame: int, shown: str) -> str:
-    """What a frame shows, and the frequencies at which bodies do that."""
-    rates = [
-        f"{parts.body.name} {motion.frequency(state):.5g} Hz"
-        for parts, motion, state in (
-            (objects.bodies[number], *one) for number, one in objects.vibrations(frame).items()
-        )
-        if shown and isinstance(motion, Oscillation) and motion.frequency(state)
+    far = [
+        max(float(np.linalg.norm(body.u, axis=1).max()) for body in _displaced(objects, frame))
+        for frame in moved
     ]
-    return f"{shown}: {', '.join(rates)}" if rates else shown
+    return moved[int(np.argmax(far))]
 
 
-@dataclass(frozen=True, eq=False)
-class _Drawn:
-    """Bodies in a ``frame``; ``told``: what it shows, where pictures are of several frames."""
+def _rates(objects: MovingBodies, frame: int) -> str:
+    """The frequencies at which bodies vibrate in a frame."""
+    rates = [
+        f"{objects.bodies[number].body.name} {motion.frequency(state):.5g} Hz"
+        for number, (motion, state) in objects.vibrations(frame).items()
+        if isinstance(motion, Oscillation) and motion.frequency(state)
+    ]
+    return f" ({', '.join(rates)})" if rates else ""
 
-    objects: MovingBodies
-    frame: int
-    stressed: bool
-    told: str
 
-    def pictures(
-        self, scene: Scene, inputs: Inputs, device: Device
-    ) -> list[tuple[FieldPicture, bytes]]:
-        """Of each field that matters."""
-        bodies = _displaced(self.objects, self.frame)
-        states = list(_states(self.objects, bodies, inputs, self.frame)) if self.stressed else [
-            BodyState(body.skin.mesh, body.u) for body in bodies
-        ]  # fmt: skip
-        drawing = BodyPictures(device, bodies, _side(scene, bodies))
-        chosen = list(_chosen(states, self.stressed))
-        if self.told:  # of as many frames as there are modes
-            chosen = [name for name in chosen if not name.startswith("displacement_")]
-        found = [self._picture(drawing, bodies, states, name) for name in chosen]
-        return [one for one in found if one is not None]
-
-    def _picture(
-        self,
-        drawing: BodyPictures,
-        bodies: Sequence[DisplacedBody],
-        states: Sequence[BodyState],
-        name: str,
-    ) -> tuple[FieldPicture, bytes] | None:
+def _pictures(
+    drawing: BodyPictures,
+    bodies: Sequence[DisplacedBody],
+    states: Sequence[BodyState],
+    stressed: bool,
+    frame: int,
+) -> Iterator[tuple[FieldPicture, bytes]]:
+    """Of each field that matters."""
+    for name in _chosen(states, stressed):
         field = BODY[name]
         values = [field.values(state) for state in states]
-        every = extremes(field, values).values()
-        one = max(every, key=lambda extreme: abs(extreme.value), default=None)
+        found = extremes(field, values).values()
+        one = max(found, key=lambda extreme: abs(extreme.value), default=None)
         if one is None:
-            return None
+            continue
         body = bodies[one.body]
         x, y, z = (1e3 * body.skin.mesh.points[one.node]).tolist()
-        place = f"{self.frame:04d}-{name}" if self.told else name
         picture = FieldPicture(
-            name, field.title, field.unit, one.value, body.name, (x, y, z), self.frame,
-            drawing.factor, f"fields/{place}.png", self.told,
+            name, field.title, field.unit, one.value, body.name, (x, y, z), frame, drawing.factor,
+            f"fields/{name}.png",
         )  # fmt: skip
-        return picture, encoded_picture(drawing.draw(field, values), ".png", PNG)
+        yield picture, encoded_picture(drawing.draw(field, values), ".png", PNG)
 
 
 def _states(

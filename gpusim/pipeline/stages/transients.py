@@ -17,7 +17,7 @@ from gpusim.graph.stage import StageResult
 from gpusim.motion import Course, Transient
 from gpusim.pipeline.scene_objects.vibrations import transient_arrays
 from gpusim.pipeline.stages.mechanics import solve_bodies
-from gpusim.pipeline.stages.vibrations import Found, damping_of, linear_model, place_of
+from gpusim.pipeline.stages.vibrations import Vibrations, damping_of, linear_model, place_of
 from gpusim.report import Chart
 from gpusim.scene import Scene
 
@@ -33,7 +33,7 @@ LOOKS = 100
 def transient(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """The motion of each body at the instants of frames, and around them."""
     frames, around, histories, damping, options = inputs.row
-    table, found = scene.analysis.base_motion, Found()
+    table, found = scene.analysis.base_motion, Vibrations()
     ground = None if table is None else _ground(scene, table.path, table.direction)
     for number, body in enumerate(scene.bodies):
         if histories[number] is None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from typing import Any
@@ -25,22 +25,24 @@ from gpusim.pipeline.scene_objects.vibrations import (
     stored_vibration,
 )
 from gpusim.pipeline.stages.mechanics import save_arrays, solve_bodies
-from gpusim.report import Chart, ModeRow
+from gpusim.report import Chart
 from gpusim.scene import Scene
 from gpusim.scene.description.model import Body
 
+MASSES = tuple(f"{what}_{axis}_percent" for what in ("mass", "inertia") for axis in "xyz")
+"""Of a body, what a mode takes up: its mass, and its moments of inertia."""
 RESPONSES = 401
 """Frequencies of a curve in the report."""
 
 
 @dataclass
-class Found:
+class Vibrations:
     """Of all bodies: what is stored, and what is said of it."""
 
     arrays: dict[str, npt.NDArray[Any]] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     facts: dict[str, str] = field(default_factory=dict)
-    modes: list[ModeRow] = field(default_factory=list)
+    modes: list[dict[str, Any]] = field(default_factory=list)
     charts: list[Chart] = field(default_factory=list)
 
     def take(self, body: Body, result: Any, fact: str) -> None:
@@ -50,19 +52,24 @@ class Found:
         self.warnings += [f"body {body.name!r}: {text}" for text in result.warnings]
         self.facts[f"solved, {body.name}"] = fact
 
-    def take_modes(self, body: int, rows: Sequence[ModeRow], shapes: Float, rest: Float) -> None:
-        """Of a body (its number), about ``rest``: shapes with a greatest displacement of 1."""
+    def take_modes(
+        self, number: int, body: Body, columns: Mapping[str, Float], shapes: Float, rest: Float
+    ) -> None:
+        """Shapes (n, N, 3) of a body about ``rest``, and what is said of each: ``columns`` (n,)."""
         length = np.linalg.norm(shapes, axis=2).max(axis=1, initial=1e-300)
-        frequencies = np.array([one.value if one.unit else 0.0 for one in rows])
-        shapes = shapes / length[:, None, None]
-        numbers = [one.number for one in rows]
-        self.arrays |= oscillation_arrays(Oscillation(numbers, shapes, frequencies, rest), body)
-        self.modes += rows
+        rates = columns.get("frequency_Hz", np.zeros(len(shapes)))
+        numbers = range(1, len(shapes) + 1)
+        motion = Oscillation(numbers, shapes / length[:, None, None], rates, rest)
+        self.arrays |= oscillation_arrays(motion, number)
+        rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+        self.modes += [
+            {"body": body.name, "mode": k, **dict(zip(columns, row, strict=True))}
+            for k, row in enumerate(rows, 1)
+        ]
 
     def result(self, session: Session, words: str) -> StageResult:
         """Of the stage."""
-        said = {"modes": [asdict(one) for one in self.modes],
-                "charts": [asdict(one) for one in self.charts]}  # fmt: skip
+        said = {"modes": self.modes, "charts": [asdict(one) for one in self.charts]}
         notes = notes_of(self.warnings, self.facts, session.adapter) | said
         return StageResult({VIBRATION: partial(save_arrays, self.arrays)}, notes, words)
 
@@ -70,7 +77,7 @@ class Found:
 def modes(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """The lowest modes of each body, or those of a band."""
     count, band, prestressed, options = inputs.row
-    found = Found()
+    found = Vibrations()
     for number, body in enumerate(scene.bodies):
         model, solution = linear_model(inputs, body), None
         rest = np.zeros(model.mesh.points.shape)
@@ -84,41 +91,31 @@ def modes(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
         found.take(body, result, f"{len(result.frequencies) - free} modes, {result.method}")
         if free:
             found.facts[f"free, {body.name}"] = ", ".join(result.rigid)
-        shares = result.effective_mass / np.maximum(result.total_mass, 1e-300)
-        known = (result.frequencies, result.error_estimate, shares)
-        rows = [
-            ModeRow(body.name, k, float(frequency), float(error), tuple(share.tolist()))
-            for k, (frequency, error, share) in enumerate(_rows(known, free), 1)
-        ]
-        found.take_modes(number, rows, result.shapes[free:], rest)
-    lowest = min((one.value for one in found.modes), default=0.0)
-    return found.result(session, f"{len(found.modes)} modes, the lowest of {lowest:.4g} Hz")
+        shares = 100.0 * result.effective_mass / np.maximum(result.total_mass, 1e-300)
+        columns = {"frequency_Hz": result.frequencies, "error": result.error_estimate}
+        columns |= {name: shares[:, k].round(4) for k, name in enumerate(MASSES)}
+        elastic = {name: values[free:] for name, values in columns.items()}
+        found.take_modes(number, body, elastic, result.shapes[free:], rest)
+    return found.result(session, f"{len(found.modes)} modes")
 
 
 def buckling(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """The lowest critical load factors of each body."""
-    found = Found()
+    found = Vibrations()
     for number, body in enumerate(scene.bodies):
         model = linear_model(inputs, body)
         result = fem.buckling(model, inputs.row[0], formulation=body.formulation)
         found.take(body, result, f"{len(result.factors)} critical loads, {result.method}")
-        rows = [
-            ModeRow(body.name, k, float(factor), float(error), unit="")
-            for k, (factor, error) in enumerate(_rows((result.factors, result.error_estimate)), 1)
-        ]
-        found.take_modes(number, rows, result.shapes, np.zeros(model.mesh.points.shape))
-    lowest = min((one.value for one in found.modes), default=0.0)
-    return found.result(session, f"{len(found.modes)} critical loads, the lowest {lowest:.4g} x")
-
-
-def _rows(columns: Sequence[Float], first: int = 0) -> Iterator[tuple[Any, ...]]:
-    return zip(*(one[first:] for one in columns), strict=True)
+        columns = {"load_factor": result.factors, "error": result.error_estimate}
+        rest = np.zeros(model.mesh.points.shape)
+        found.take_modes(number, body, columns, result.shapes, rest)
+    return found.result(session, f"{len(found.modes)} critical loads")
 
 
 def harmonic(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """The steady vibration of each body at some frequencies, and how it varies over a band."""
     frequencies, band, damping, options = inputs.row
-    found, shown = Found(), len(frequencies)
+    found, shown = Vibrations(), len(frequencies)
     curve = np.linspace(band[0], band[1], RESPONSES) if band else np.zeros(0)
     for number, body in enumerate(scene.bodies):
         model = linear_model(inputs, body)

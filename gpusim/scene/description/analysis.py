@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from math import floor
@@ -58,10 +58,6 @@ def _phases(table: AnalysisTable) -> tuple[float, ...]:
     return (0.0, *(360.0 * turn for _, turn in table.oscillations))
 
 
-def _mode_numbers(table: AnalysisTable) -> tuple[float, ...]:
-    return (0.0, *(float(number) for number in table.shown_modes))
-
-
 def _times(table: AnalysisTable) -> tuple[float, ...]:
     rate, duration = table.frame_rate_Hz or 1.0, table.duration_s or 0.0
     return tuple(k / rate for k in range(floor(duration * rate * (1 + 1e-12)) + 1))
@@ -90,8 +86,8 @@ ANALYSIS_TYPES = {
         needs={"frequencies_Hz": "the frequencies of the loads that are shown"},
     ),
     "buckling": AnalysisType(
-        "critical load factors", keys=("count", "modes", "amplitude_mm"), word="mode",
-        values=_mode_numbers,
+        "critical load factors", keys=("count", "modes", "amplitude_mm"), word="phase_deg",
+        values=_phases,
     ),
 }  # fmt: skip
 """`gpusim.scene.analyses.add_analysis` adds another one."""
@@ -269,8 +265,13 @@ class AnalysisTable(Table):
     def oscillations(self) -> tuple[tuple[int, float], ...]:
         """Number of the mode, and the share of its period that has passed, of each frame after the
         first."""
-        phases = self.phases or 8
-        return tuple((number, k / phases) for number in self.shown_modes for k in range(phases))
+        phases = range(self.phase_count if self._kind.values is _phases else 0)
+        return tuple((number, k / len(phases)) for number in self.shown_modes for k in phases)
+
+    @property
+    def phase_count(self) -> int:
+        """Frames of each mode."""
+        return (self.phases or 8) if "phases" in self._kind.keys else 1
 
     @property
     def _kind(self) -> AnalysisType:
@@ -290,37 +291,35 @@ class AnalysisTable(Table):
         for key, what in kind.needs.items():
             if key not in given:
                 raise fault(key, "missing", Words(f"no {key}"), what)
-        self._check_modes(given)
-        self._check_times(given)
+        for wrong, *words in self._misfits(given):
+            if wrong:
+                raise fault(*words)
         return self
 
-    def _check_modes(self, given: Mapping[str, Any]) -> None:
-        if self.band_Hz is not None and not self.band_Hz[0] < self.band_Hz[1]:
-            raise fault("band_Hz", "no band", self.band_Hz, "a lower and a higher frequency")
-        if self.type == "modal" and self.band_Hz is not None:
-            if self.modes is None:
-                raise fault("modes", "missing beside band_Hz, which doesn't say how many there are",
-                            Words("no modes"), "those that frames show, as [1, 2, 3]")  # fmt: skip
-            if self.count is not None:
-                raise fault("count", "beside band_Hz", self.count, "one of them")
-        if self.modes and self.count and max(self.modes) > self.count:
-            raise fault("modes", "more than count", max(self.modes), f"at most {self.count}")
-
-    def _check_times(self, given: Mapping[str, Any]) -> None:
-        steps = self.method not in (None, "modal")
-        for key, fits in (("step_s", steps), ("count", not steps or self.type != "transient")):
-            if key in given and not fits:
-                raise fault(key, f'of method "{self.method or "modal"}"', given[key],
-                            'a method that steps, as "newmark"' if key == "step_s" else
-                            'method "modal"')  # fmt: skip
-        if self.damping and self.damping.loss_factor is not None and self.type != "harmonic":
-            raise fault("damping.loss_factor", f'of an analysis of type "{self.type}"',
-                        self.damping.loss_factor, "ratio, or Rayleigh's")  # fmt: skip
-        count = (self.duration_s or 0.0) * (self.frame_rate_Hz or 0.0) + 1.0
-        if self.type == "transient" and not count <= MOST_FRAMES:
-            raise fault("duration_s", "too many frames", Words(f"{count:.4g} frames"),
-                        f"at most {MOST_FRAMES}: less time, or a lower frame_rate_Hz")  # fmt: skip
-        shown = len(self.shown_modes) * (self.phases or 8)
-        if "phases" in self._kind.keys and not shown < MOST_FRAMES:
-            raise fault("phases", "too many frames", Words(f"{shown + 1} frames"),
-                        f"at most {MOST_FRAMES}, by fewer phases or modes")  # fmt: skip
+    def _misfits(self, given: Mapping[str, Any]) -> Iterator[tuple[bool, str, str, Any, str]]:
+        """Of the keys that are ``given``: whether they don't fit each other, and what is said
+        then."""
+        modal, stepping = self.type == "modal", self.time_step is not None
+        low, high = self.band_Hz or (0.0, 1.0)
+        yield low >= high, "band_Hz", "no band", self.band_Hz, "a lower and a higher frequency"
+        in_band = modal and self.band_Hz is not None
+        yield (in_band and not self.modes, "modes", "missing beside band_Hz, which doesn't say how "
+               "many there are", Words("no modes"), "those that frames show, as [1, 2, 3]")  # fmt: skip
+        yield in_band and "count" in given, "count", "beside band_Hz", self.count, "one of them"
+        most = max(self.modes or (0,))
+        yield most > (self.count or most), "modes", "more than count", most, f"at most {self.count}"
+        method = f'of method "{self.method or "modal"}"'
+        yield ("step_s" in given and not stepping, "step_s", method, self.step_s,
+               'a method that steps, as "newmark"')  # fmt: skip
+        yield stepping and "count" in given, "count", method, self.count, 'method "modal"'
+        loss = None if self.damping is None else self.damping.loss_factor
+        yield (loss is not None and self.type != "harmonic", "damping.loss_factor",
+               f'of an analysis of type "{self.type}"', loss, "ratio, or Rayleigh's")  # fmt: skip
+        key, frames, fewer = "phases", 0.0, "fewer phases or modes"
+        if self._kind.values is _phases:
+            frames = 1.0 + len(self.shown_modes) * self.phase_count
+        elif self.type == "transient":
+            key, fewer = "duration_s", "less time or a lower frame_rate_Hz"
+            frames = 1.0 + (self.duration_s or 0.0) * (self.frame_rate_Hz or 0.0)
+        yield (not frames <= MOST_FRAMES, key, "too many frames", Words(f"{frames:.6g} frames"),
+               f"at most {MOST_FRAMES}, by {fewer}")  # fmt: skip

@@ -85,7 +85,9 @@ def test_loads_stiffen_or_weaken() -> None:
 
 
 def test_a_free_body_shows_its_elastic_modes() -> None:
-    scene = scene_of({"type": "modal", "count": 2, "phases": 1}, {**BODY, "load": [], "support": []})
+    scene = scene_of(
+        {"type": "modal", "count": 2, "phases": 1}, {**BODY, "load": [], "support": []}
+    )
     found = gs.modes(model_of(scene), 8)
     u = scene.solution()["bar"].displacement(1)
     shape = found.shapes[6] / np.linalg.norm(found.shapes[6], axis=1).max()
@@ -142,11 +144,13 @@ def _solve_key(scene: Scene) -> str:
 
 def test_report_and_window(modal: Scene, tmp_path: Path) -> None:
     report = gs.run(modal.replace("output.fields", True), tmp_path / "out", backend="numpy")
-    assert report.status == "done" and [one.number for one in report.modes] == [1, 2, 3, 4]
+    assert report.status == "done" and [one["mode"] for one in report.modes] == [1, 2, 3, 4]
     first = report.modes[0]
-    assert 140.0 < first.value < 147.0 and 0.6 < first.mass[2] < 0.65 and first.error <= 1e-8
+    assert 140.0 < first["frequency_Hz"] < 147.0 and first["error"] <= 1e-8
+    assert 60.0 < first["mass_z_percent"] < 65.0 and first["mass_x_percent"] == 0.0
     (table,) = report.tables
-    assert table.title == "Natural frequencies" and table.rows[0][:2] == ("bar", "1")
+    assert table.columns[:3] == ("Body", "Mode", "Frequency Hz")
+    assert table.rows[0][:2] == ("bar", "1")
     assert report.highlights["Lowest frequency, bar"][1] == "mode 1"
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "mode 3, phase 270 deg" in page
