@@ -3,11 +3,10 @@
 In the order in which data passes:
 
 - `table`: What every table shares: strictness, names, numbers, directions, units.
-- `colors`: Colours: a grey number, a list of red, green and blue, "#rrggbb".
+- `colors`: Colours: a grey number, a list of red, green and blue, "#rrggbb"; finishes by name.
 - `material`: ``[[material]]``: elasticity, density and thermal expansion.
 - `loads`: What holds and moves a body, and ``where``.
 - `mesh`: How a body's mesh is made, or read.
-- `finishes`: Finishes by name: what surfaces of workshops look like.
 - `ground`: What every paint says: where it is, how its ground shines, how a pattern lies on faces.
 - `targets`: Targets of photogrammetry and of lens tests.
 - `paint`: What a surface looks like.

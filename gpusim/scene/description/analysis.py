@@ -304,7 +304,7 @@ class AnalysisTable(Table):
         yield low >= high, "band_Hz", "no band", self.band_Hz, "a lower and a higher frequency"
         in_band = modal and self.band_Hz is not None
         yield (in_band and not self.modes, "modes", "missing beside band_Hz, which doesn't say how "
-               "many there are", Words("no modes"), "those that frames show, as [1, 2, 3]")  # fmt: skip
+               "many there are", Words("no modes"), "those that are shown, as [1, 2]")  # fmt: skip
         yield in_band and "count" in given, "count", "beside band_Hz", self.count, "one of them"
         most = max(self.modes or (0,))
         yield most > (self.count or most), "modes", "more than count", most, f"at most {self.count}"
