@@ -10,7 +10,6 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import InputError
-from gpusim.pipeline.runner.scene_contents import scene_contents
 from gpusim.pipeline.scene_objects.modelling import build_model
 from gpusim.pipeline.scene_objects.surfaces import build_body
 from gpusim.plan.plan import make_plan
@@ -40,19 +39,20 @@ def test_frames_and_what_is_between_them() -> None:
     """By modes the motion at any instant that a shutter asks for is that of the modes."""
     scene = scene_of(shutter=True)
     history = gs.transient(model_of(scene), times=np.linspace(0.0, 0.006, 7), count=6)
-    objects = scene_contents(scene)
-    motion, state = objects.vibrations(3)[0]
+    bar = scene.solution()["bar"]
     size = np.abs(history.at(0.003)[0]).max()
     for shift in (-4e-4, -1.234e-4, 0.0, 2.7e-4, 4e-4):
         u, v = history.at(0.003 + shift)
-        there = motion.later(state, shift)
-        assert np.abs(motion.displacement(there) - u).max() <= 2e-7 * size
-        assert np.abs(motion.velocity(there) - v).max() <= 1e-4 * np.abs(v).max()
+        assert np.abs(bar.displacement(3, shift) - u).max() <= 2e-7 * size
+        assert np.abs(bar.velocity(3, shift) - v).max() <= 1e-4 * np.abs(v).max()
     # straight lines from frame to frame would be far off
-    line = motion.displacement(state) + 2.7e-4 * motion.velocity(state)
+    line = bar.displacement(3) + 2.7e-4 * bar.velocity(3)
     assert np.abs(line - history.at(0.00327)[0]).max() > 1e-2 * size
-    assert np.array_equal(motion.displacement((-1e-4,)), motion.displacement((0.0,)))
-    assert not motion.velocity((-1e-4,)).any(), "before the beginning it rests"
+    assert np.array_equal(bar.displacement(0, -1e-4), bar.displacement(0))
+    assert not bar.velocity(0, -1e-4).any(), "before the beginning it rests"
+    still = small_scene(measure=[], output={"fields": False}).solution()["bar"]
+    with pytest.raises(InputError, match=r"doesn't vibrate in frame 1 .* type 'static'"):
+        still.velocity(1)
 
 
 def test_steps_are_apart_from_frames() -> None:
