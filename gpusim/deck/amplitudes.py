@@ -26,8 +26,8 @@ class Scale:
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """A time: the value of each amplitude (the first is 1), and how much of the step is over by
-    then as ramps count it, 0 to 1."""
+    """A time: the value of each amplitude, the first of which all follow that follow none, and how
+    much of the step is over by then as ramps count it, 0 to 1."""
 
     factors: Float
     share: float = 1.0
@@ -35,7 +35,7 @@ class Moment:
     def of(self, new: Float | float, follows: Int | int, old: Float | float) -> Float:
         """Loads, of values ``new``, that follow an amplitude, or ramp up from ``old``."""
         ramp = (1.0 - self.share) * old + self.share * new
-        return np.where(follows, new * self.factors[follows], ramp)
+        return np.where(follows, new * self.factors[follows], self.factors[0] * ramp)
 
 
 class Ramped:
@@ -93,20 +93,31 @@ class Interval:
 
 
 @dataclass(frozen=True, eq=False)
-class _Amplitude:
+class Amplitude:
+    """Factors over time, linear in between."""
+
     times: Float
     factors: Float
     number: int  # 0: over the time of the step in which a load is given
+    step: int = 0  # over the time of which it is; 0: over the total time
 
-    def at(self, time: float) -> float:
-        return float(np.interp(time, self.times, self.factors))
+    def at(self, time: Float | float) -> Float:
+        return np.asarray(np.interp(time, self.times, self.factors))
 
-    def within(self, step: Interval, number: int) -> _Amplitude:
+    def within(self, step: Interval, number: int) -> Amplitude:
         """The same over total time, in a step, and as it is at its end from then on."""
         inside = self.times < step.period
         times = np.append(self.times[inside], step.period)
         factors = np.append(self.factors[inside], self.at(step.period))
-        return _Amplitude(step.begin + times, factors, number)
+        return Amplitude(step.begin + times, factors, number, step.number)
+
+
+class _Acceleration(Amplitude):
+    """Of a harmonic motion over frequency in Hz."""
+
+    def at(self, time: Float | float) -> Float:
+        square = (2.0 * np.pi * np.asarray(time)) ** 2
+        return -super().at(time) / np.where(square > 0.0, square, np.inf)
 
 
 class Amplitudes:
@@ -117,8 +128,8 @@ class Amplitudes:
     """
 
     def __init__(self) -> None:
-        self.known: Names[_Amplitude] = Names("amplitude")
-        self.following: list[_Amplitude] = []
+        self.known: Names[Amplitude] = Names("amplitude")
+        self.following: list[Amplitude] = []
         self._within: dict[tuple[int, int], int] = {}
 
     def read(self, card: Card) -> None:
@@ -131,7 +142,7 @@ class Amplitudes:
                 "growing time and factor"
             )
         total = "TOTAL" in card.parameters.get("TIME", "").upper()
-        one = _Amplitude(times, factors, len(self.following) + 1 if total else 0)
+        one = Amplitude(times, factors, len(self.following) + 1 if total else 0)
         self.known.define(name, one, card.where())
         if total:
             self.following.append(one)
@@ -153,6 +164,19 @@ class Amplitudes:
     def factors(self, time: float) -> Float:
         """Value at a total time of each amplitude that is followed; the first is 1."""
         return np.array([1.0, *(one.at(time) for one in self.following)])
+
+    def integrated(self, scale: Scale) -> Scale:
+        """What moves harmonically with the acceleration that follows an amplitude."""
+        own = self.following[scale.follows - 1]
+        count = len(self.following) + 1
+        self.following.append(_Acceleration(own.times, own.factors, count, own.step))
+        return Scale(count, scale.step)
+
+    def courses(self) -> list[tuple[Moment, Amplitude]]:
+        """Each amplitude that is followed, and a moment at which only what follows it is there; of
+        the first, which is 1, what follows none."""
+        every = [Amplitude(np.zeros(1), np.ones(1), 0), *self.following]
+        return list(zip(map(Moment, np.eye(len(every))), every, strict=True))
 
     def corners(self, step: Interval, first: float) -> Float:
         """Total times in a step at which what is followed bends, and the end of its ``first``

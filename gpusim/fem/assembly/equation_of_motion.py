@@ -124,7 +124,8 @@ class EquationOfMotion:
 
     def displacements(self, x: Float) -> Float:
         """(L,N,3) in the model's own numbers, with what constraints gave up."""
-        u, elimination, numbering = x.reshape(len(x), -1, 3), self._elimination, self._numbering
+        u, elimination = x.reshape(len(x), *self.points.shape), self._elimination
+        numbering = self._numbering
         moved = u if elimination is None else elimination.displacements(u)
         return moved if numbering is None else numbering.backward(moved)
 
@@ -225,10 +226,15 @@ def _tangent(
     u = solution.u if solution.u.ndim == 2 else solution.u.sum(axis=0)
     u = u if numbering is None else numbering.forward(u)
     factors = solution.steps[-1].factors if solution.steps else np.ones(len(model.load_cases))
-    equation.relax(u, factors)
-    still = np.zeros_like(u)
-    tangent = equation.linearised(u, factors)
-    points = model.mesh.points + u
-    system = scaled_system(tangent.assembled, points, equation.free, still[None], still[None])
+    own = {"incompatible", "bbar"} & set(formulation.values())
+    finite = all(one.block.law.finite_strain for one in equation.responses)
+    if finite and model.temperature is None and not own and not solution.steps:
+        # linear theory, of laws for large displacements: stress is as linear as displacements
+        assembled = equation.about_linear(u, factors)
+    else:
+        equation.relax(u, factors)
+        assembled = equation.linearised(u, factors).assembled
+    still, points = np.zeros_like(u), model.mesh.points + u
+    system = scaled_system(assembled, points, equation.free, still[None], still[None])
     elements = ElementForces(lambda v: system.apply(v) * system.scale, system.elements.rounding)
-    return tangent.assembled, replace(system, elements=elements), points
+    return assembled, replace(system, elements=elements), points

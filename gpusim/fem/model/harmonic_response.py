@@ -87,9 +87,6 @@ class HarmonicResponse:
         rigid = np.zeros((3, *self.shapes.shape[1:]))
         rigid[[0, 1, 2], :, [0, 1, 2]] = 1.0
         moved = -self.base / (2.0 * np.pi * self.frequencies[:, None]) ** 2
-        return replace(
-            self,
-            coordinates=np.concatenate([self.coordinates, moved], axis=1),
-            shapes=np.concatenate([self.shapes, rigid]),
-            base=None,
-        )
+        coordinates = np.concatenate([self.coordinates, moved], axis=1)
+        shapes = np.concatenate([self.shapes, rigid])
+        return replace(self, coordinates=coordinates, shapes=shapes, base=None)

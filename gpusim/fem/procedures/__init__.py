@@ -8,6 +8,8 @@ In the order in which data passes:
 - `arc_length`: Arc length: the path of equilibria past limit points, where load factors turn back.
 - `load_steps`: Load steps: one equilibrium after another, with smaller steps where Newton's method
   fails, and by arc length past limit points.
+- `load_path_checks`: Checks of a load path that has been followed: what is doubtful about its
+  equilibria, the strains of its last one, its cells and its materials.
 - `nonlinear_static`: Nonlinear statics: equilibrium at large displacements, load step by load step.
 - `statics`: Statics: displacements of a model, by linear theory or at large displacements.
 - `expansion`: What large displacements add to linear ones, to third order in the load.

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -97,11 +97,7 @@ def harmonic(
 
 
 def steady_response(
-    vibration: ForcedVibration,
-    load: Complex,
-    frequencies: npt.ArrayLike,
-    damping: Damping | None,
-    method: str,
+    vibration: ForcedVibration, load: Complex, frequencies: Any, damping: Any, method: str
 ) -> HarmonicResponse:
     """Under a ``load`` (3N,) on the unknowns of a vibration's equation; see `harmonic`."""
     given, model = checked_frequencies(frequencies), vibration.model

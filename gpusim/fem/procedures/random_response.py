@@ -138,7 +138,7 @@ def random_response(
     ----------
     model : as for `gpusim.harmonic`.
     psd : (frequencies, values), two rows (R,): one-sided spectral density of the loads' factor in
-        1/Hz, or of the base's in the same; straight in between on scales of logarithms, zero
+        1/Hz, or of the base's; straight in between on scales of logarithms, zero
         beyond.
     damping : as for `gpusim.harmonic`, of every mode.
     frequencies : (F,) Hz at which spectral densities of results are given; None: those of ``psd``.
@@ -164,9 +164,10 @@ def random_response(
     expected = "(frequencies, values): two rows of at least 2 numbers > 0, frequencies increasing"
     density = as_float64(psd, "random response: psd", expected)
     fits = density.ndim == 2 and len(density) == 2 and density.shape[1] > 1
-    good = fits and np.isfinite(density).all() and (density > 0.0).all()
-    rising = bool(good) and bool((np.diff(density[0]) > 0.0).all())
-    require(rising, "random response: psd", repr(psd), expected)
+    good = (
+        fits and ((0.0 < density) & (density < np.inf)).all() and (np.diff(density[0]) > 0.0).all()
+    )
+    require(bool(good), "random response: psd", repr(psd), expected)
     given = density[0] if frequencies is None else checked_frequencies(frequencies)
     acceleration = None if base is None else complex_numbers(base, "random response: base", 3)
     with one_blas_thread():

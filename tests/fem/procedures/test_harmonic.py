@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import eigh
 
 import gpusim as gs
-from gpusim.errors import InputError
+from gpusim.errors import InputError, NotConverged
 from gpusim.fem.assembly import node_graph
 from gpusim.fem.model.damping import Damping
 from gpusim.fem.model.mass import mass_matrix
@@ -80,8 +82,8 @@ def test_direct_is_modal_with_all_modes(damping: Damping | None) -> None:
 
 def test_few_modes_are_exact_at_rest_and_off_by_less_than_stated() -> None:
     model, frequencies = shaken(), np.array([0.0, 60.0, 400.0, 1500.0])
-    directly = gs.harmonic(model, frequencies, method="direct")
-    few = gs.harmonic(model, frequencies, count=8)
+    directly = gs.harmonic(model, frequencies, loads=[1, 2j], method="direct")
+    few = gs.harmonic(model, frequencies, loads=[1, 2j], count=8)
     assert worst(few.u[:1], directly.u[:1]) <= 1e-9
     assert few.truncation[0] == 0.0 and (np.diff(few.truncation) > 0.0).all()
     k, _, free = matrices(model)
@@ -99,6 +101,8 @@ def test_modes_that_are_known_are_taken() -> None:
     known = gs.modes(model, 8)
     again = gs.harmonic(model, [60.0], modes=known)
     assert worst(again.u, gs.harmonic(model, [60.0], count=8).u) <= 1e-12
+    with pytest.raises(NotConverged, match="harmonic: modes"):
+        gs.harmonic(model, [60.0], modes=replace(known, converged=False))
     other = gs.modes(gs.Model(BAR, gs.Isotropic(180e9, 0.3, density=7850.0), HELD), 8)
     with pytest.raises(InputError, match="harmonic: modes; got others"):
         gs.harmonic(model, [60.0], modes=other)
@@ -215,6 +219,14 @@ def test_nafems_5h() -> None:
     peak = int(np.argmax(found.amplitude[:, middle, 1]))
     assert abs(frequencies[peak] / 42.65 - 1.0) <= 0.005
     assert abs(found.amplitude[peak, middle, 1] / 13.45e-3 - 1.0) <= 0.005
+    # every mode of the mesh, in dense algebra
+    k, m, free = matrices(model)
+    squares, shapes = eigh(k, m)
+    assert model.forces is not None
+    angular = 2.0 * np.pi * frequencies[:, None]
+    dynamic = squares - angular**2 + 0.04j * angular * np.sqrt(squares)
+    expected = (shapes.T @ model.forces.ravel()[free] / dynamic) @ shapes.T
+    assert worst(found.u.reshape(len(frequencies), -1)[:, free], expected) <= 1e-6
     quarters = (gs.fem.stress(model, found.at(peak, turn)) for turn in (0.0, 0.5 * np.pi))
     assert abs(np.hypot(*(one.nodal[top, 0] for one in quarters)) / 241.9e6 - 1.0) <= 0.02
 
@@ -256,6 +268,7 @@ def test_what_is_refused() -> None:
     refused["loads"] = [[1.0], [np.inf, 0.0], "ab", [True, False], [0.0, 0.0]]
     refused["base"] = [(1.0, 0.0), (np.nan, 0.0, 0.0), "up"]
     refused["damping"] = [0.02, "some"]
+    refused["prestress"] = [model, "pull"]
     refused["count"] = [0, 1.5, 10_000]
     refused["modes"] = [
         5,
@@ -277,6 +290,13 @@ def test_what_is_refused() -> None:
         gs.harmonic(model, [1e5], count=8)
     with pytest.raises(InputError, match=r"method 'direct': damping.*method 'modal'"):
         gs.harmonic(model, [10.0], damping=gs.ModalDamping(0.1), method="direct")
+    warm = gs.Model(
+        BAR, STEEL, HELD, model.forces, temperature=[[1.0] * BAR.node_count, [0.0] * BAR.node_count]
+    )
+    with pytest.raises(InputError, match="loads; got a case with a change of temperature"):
+        gs.harmonic(warm, [10.0])
+    again = gs.harmonic(warm, [10.0], loads=[0, 1])
+    assert worst(again.u, gs.harmonic(model, [10.0], loads=[0, 1]).u) <= 1e-12
     pulled = gs.Model(BAR, STEEL, HELD, prescribed=np.where(HELD, 1e-3, 0.0))
     with pytest.raises(InputError, match="prescribed displacements"):
         gs.harmonic(pulled, [10.0])

@@ -10,12 +10,10 @@ import pytest
 from scipy.linalg import eigh
 
 import gpusim as gs
-from gpusim.errors import InputError, NotConverged
 from gpusim.fem.elements.element import ELEMENTS
-from gpusim.fem.model.mass import mass_matrix
 from gpusim.fem.model.elimination import eliminate
-from gpusim.fem.procedures import modes as procedure
-from tests.support.element_meshes import linear_mesh, mesh_of
+from gpusim.fem.model.mass import mass_matrix
+from tests.support.element_meshes import mesh_of
 from tests.support.fem_reference import stiffness
 
 Float = npt.NDArray[np.float64]
