@@ -43,9 +43,9 @@ class ForcedVibration:
         require(known, "harmonic: modes", repr(self.modes), "Modes, or None")
         known = isinstance(self.prestress, Solution | None)
         require(known, "harmonic: prestress", repr(self.prestress), "a Solution, or None")
-        still = not self.model.prescribed_cases.any()
-        expected = "supports that hold still (the base may shake)"
-        require(still, "harmonic: model", "prescribed displacements", expected)
+        given = [self.model.prescribed_cases, *(one.right for one in self.model.constraints)]
+        still, expected = not any(one.any() for one in given), "none (the base may shake)"
+        require(still, "harmonic: model", "displacements that are given", expected)
 
     @cached_property
     def names(self) -> dict[str, str]:

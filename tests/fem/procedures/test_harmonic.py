@@ -298,8 +298,11 @@ def test_what_is_refused() -> None:
     again = gs.harmonic(warm, [10.0], loads=[0, 1])
     assert worst(again.u, gs.harmonic(model, [10.0], loads=[0, 1]).u) <= 1e-12
     pulled = gs.Model(BAR, STEEL, HELD, prescribed=np.where(HELD, 1e-3, 0.0))
-    with pytest.raises(InputError, match="prescribed displacements"):
-        gs.harmonic(pulled, [10.0])
+    apart = gs.fem.equations(BAR, [([(9, "x", 1.0), (15, "x", -1.0)], 1e-3)])
+    wedged = gs.Model(BAR, STEEL, HELD, model.forces, constraints=[apart])
+    for given_displacement in (pulled, wedged):
+        with pytest.raises(InputError, match="displacements that are given"):
+            gs.harmonic(given_displacement, [10.0])
 
 
 def test_large_models_are_refused_directly(monkeypatch: pytest.MonkeyPatch) -> None:
