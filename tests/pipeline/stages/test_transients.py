@@ -122,6 +122,7 @@ def test_time_functions_of_loads() -> None:
     assert without.start == ()
 
 
+@pytest.mark.drawn
 def test_report_has_motion_and_energy(tmp_path: Path) -> None:
     scene = scene_of(duration_s=0.002, damping={"rayleigh_mass_per_s": 5.0})
     report = gs.run(scene, tmp_path / "out", backend="numpy")
