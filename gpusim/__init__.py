@@ -76,12 +76,14 @@ if _typing.TYPE_CHECKING:
     from gpusim.fem import Isotropic as Isotropic
     from gpusim.fem import ModalDamping as ModalDamping
     from gpusim.fem import Model as Model
+    from gpusim.fem import Modes as Modes
     from gpusim.fem import NeoHookean as NeoHookean
     from gpusim.fem import Orthotropic as Orthotropic
     from gpusim.fem import Rayleigh as Rayleigh
     from gpusim.fem import SaintVenantKirchhoff as SaintVenantKirchhoff
     from gpusim.fem import Solution as Solution
     from gpusim.fem import StructuralDamping as StructuralDamping
+    from gpusim.fem import modes as modes
     from gpusim.field import Field as Field
     from gpusim.field import read_field as read_field
     from gpusim.files.frame_source import FrameSource as FrameSource
@@ -135,8 +137,8 @@ _HOMES = {
         "OutOfDeviceMemory SceneError TwinMismatch"
     ),
     "gpusim.fem": (
-        "Hencky Isotropic J2 ModalDamping Model NeoHookean Orthotropic Rayleigh "
-        "SaintVenantKirchhoff Solution StructuralDamping"
+        "Hencky Isotropic J2 ModalDamping Model Modes NeoHookean Orthotropic Rayleigh "
+        "SaintVenantKirchhoff Solution StructuralDamping modes"
     ),
     "gpusim.field": "Field read_field",
     "gpusim.files.frame_source": "FrameSource read_frames",

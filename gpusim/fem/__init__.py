@@ -45,9 +45,11 @@ from gpusim.fem.model.loads import (
 )
 from gpusim.fem.model.mass import lumped_mass, mass_matrix
 from gpusim.fem.model.model import Model
+from gpusim.fem.model.modes import Modes
 from gpusim.fem.model.solution import LoadStep, Solution
 from gpusim.fem.model.supports import symmetry
 from gpusim.fem.model.thermal_loads import thermal
+from gpusim.fem.procedures.modes import modes
 from gpusim.fem.procedures.statics import solve
 from gpusim.fem.recovery.stress import Stress, principal, stress, von_mises
 
@@ -64,6 +66,7 @@ __all__ = [
     "Material",
     "ModalDamping",
     "Model",
+    "Modes",
     "NeoHookean",
     "Orthotropic",
     "Rayleigh",
@@ -80,6 +83,7 @@ __all__ = [
     "line_force",
     "lumped_mass",
     "mass_matrix",
+    "modes",
     "nodal_force",
     "pressure",
     "principal",

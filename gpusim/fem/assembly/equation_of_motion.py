@@ -88,6 +88,12 @@ class EquationOfMotion:
         image = system.elements.product(x.reshape(len(x), -1, 3)).reshape(x.shape)
         return np.where(self.unknown, image / self.scale, 0.0)
 
+    def rounding_by_deformation(self, x: Float) -> Float:
+        """(L,3N) as much as rounding can do to `stiffness_by_deformation`."""
+        system = self._reduced[1].by_deformation()
+        size = np.abs(system.rounding(x.reshape(len(x), -1, 3))).reshape(x.shape)
+        return np.where(self.unknown, size, 0.0)
+
     def inertia(self, x: Float) -> Float:
         """M x (L,3N)."""
         u, elimination = x.reshape(len(x), -1, 3), self._elimination
@@ -110,10 +116,19 @@ class EquationOfMotion:
 
     def forces(self, f: Float) -> Float:
         """What nodal forces (L,N,3), in the model's own numbers, do to x: (L,3N)."""
-        inside = f if self._numbering is None else self._numbering.forward(f)
+        return self._forces(f if self._numbering is None else self._numbering.forward(f))
+
+    def inertia_forces(self, a: Float) -> Float:
+        """What M a does to x: (L,3N), of accelerations a (L,N,3) of all nodes, in the model's own
+        numbers; those that are held still move as well."""
+        inside = a if self._numbering is None else self._numbering.forward(a)
+        return self._forces(self.shift(1.0).forces(inside))
+
+    def _forces(self, f: Float) -> Float:
+        """(L,3N) of forces (L,N,3) in the numbers inside."""
         if self._elimination is not None:
-            inside = self._elimination.forces(inside)
-        return np.where(self.unknown, inside.reshape(len(f), -1) / self.scale, 0.0)
+            f = self._elimination.forces(f)
+        return np.where(self.unknown, f.reshape(len(f), -1) / self.scale, 0.0)
 
     def shift(self, factor: float) -> Shift:
         """``factor`` times the mass."""

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
 from gpusim.arrays.array_types import Float
+from gpusim.arrays.unique import noise
 from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
-from gpusim.fem.krylov.cg import Preconditioner
+from gpusim.fem.assembly.stiffness_rounding import indefinite
+from gpusim.fem.krylov.cg import NumpyCG, Preconditioner
+from gpusim.fem.krylov.error_estimates import BELOW, smallest_ritz_value
 from gpusim.fem.linear.direct_solver import DirectSolver
 from gpusim.fem.linear.multigrid_solver import MultigridSolver
 from gpusim.fem.linear.solve_plan import Options, SolvePlan, plan_solve
+
+# of conjugate gradients, after which their least Ritz value tells how good a cycle is
+_STEPS = 10
 
 
 class ShiftedSolver:
@@ -23,6 +30,7 @@ class ShiftedSolver:
     """
 
     def __init__(self, equation: EquationOfMotion, shift: float, options: Options) -> None:
+        self._equation, self._shift = equation, shift
         assembled, system = equation.shifted(shift)
         # something to solve for: a plan is made for loads
         system = replace(system, right=np.where(system.free, 1.0, 0.0)[None])
@@ -42,3 +50,22 @@ class ShiftedSolver:
     def apply(self, r: Float) -> Float:
         """(L,3N) of r (L,3N)."""
         return self.preconditioner.apply(r)
+
+    def energy(self, x: Float) -> Float:
+        """(K + shift M) x for x (L,3N)."""
+        image = self._equation.stiffness(x)
+        return image + self._shift * self._equation.inertia(x) if self._shift else image
+
+    @cached_property
+    def weakest(self) -> float:
+        """Least eigenvalue of what it makes of K + shift M, by some steps of conjugate gradients; 1
+        of factors."""
+        if self.exact:
+            return 1.0
+        unknown = self._equation.unknown
+        loop = NumpyCG(self.energy, self.preconditioner)
+        active = loop.begin(np.where(unknown, noise(len(unknown), 14), 0.0)[None]) > 0.0
+        _, alpha, beta, curvature = loop.run(_STEPS, active)[:, 0].T
+        if not (curvature > 0.0).all():
+            raise indefinite("conjugate gradients")
+        return BELOW * smallest_ritz_value(alpha, beta)

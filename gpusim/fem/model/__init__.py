@@ -17,4 +17,5 @@ In the order in which data passes:
 - `dead_loads`: Dead loads: what follows the body, and heat, as forces on the undeformed one.
 - `mass`: Mass matrices: consistent, by CalculiX's rules, and lumped on the diagonal.
 - `damping`: Damping: of the Rayleigh kind, mode by mode, or in the material's structure.
+- `modes`: Modes of vibration: frequencies and shapes, and how far they can be trusted.
 """

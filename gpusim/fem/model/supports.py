@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from weakref import WeakSet
 
 import numpy as np
@@ -73,6 +75,37 @@ def rigid_modes(points: Float, origin: Float, length: float) -> Float:
     return modes
 
 
+@dataclass(frozen=True, eq=False)
+class FreeMotions:
+    """Of one body that supports and constraints don't hold: its nodes ``node`` (n,), once for each
+    ``part`` (n,) that has them, and ``motions`` (P,6,k) of the parts, in `rigid_modes` about
+    ``origin`` over ``length``; ``as_one``: all parts move alike, as a rigid body, translations
+    first, and not as a mechanism. ``how`` parts are joined."""
+
+    node: Long
+    part: Long
+    motions: Float
+    as_one: bool
+    origin: Float
+    length: float
+    how: str
+
+    @property
+    def names(self) -> list[str]:
+        """In plain words."""
+        count = self.motions.shape[2]
+        if not self.as_one:
+            return [f"{count} motions"]
+        return [_name(mode, self.origin, self.length) for mode in self.motions[0].T]
+
+    def displacements(self, points: Float) -> Float:
+        """(k,N,3) of the mesh's ``points`` (N,3)."""
+        modes = rigid_modes(points[self.node], self.origin, self.length)
+        u = np.zeros((self.motions.shape[2], *points.shape))
+        u[:, self.node] = np.einsum("naj,njk->kna", modes, self.motions[self.part])
+        return u
+
+
 def check_supports(model: Model, lattice: Lattice | None = None) -> None:
     """Refuse a model that can move without deforming; ``lattice`` of its cells, if it is known.
 
@@ -86,18 +119,30 @@ def check_supports(model: Model, lattice: Lattice | None = None) -> None:
     """
     if model in _HELD:
         return
-    _check_parts(model, lattice)
+    for free in free_motions(model, lattice):
+        nodes, parts = len(distinct(free.node)), len(free.motions)
+        where = "" if parts == 1 else f" (its {parts} parts {free.how})"
+        x, y, z = free.origin
+        raise InputError(
+            f"supports: the body with {nodes} nodes around ({x:.6g}, {y:.6g}, {z:.6g}){where} can "
+            f"move freely; got free {', '.join(free.names)}; expected supports that hold all six "
+            "rigid-body motions"
+        )
     _HELD.add(model)
 
 
-def _check_parts(model: Model, lattice: Lattice | None) -> None:
+def free_motions(model: Model, lattice: Lattice | None = None) -> Iterator[FreeMotions]:
+    """Of each body that isn't held, see `check_supports`."""
+    if model in _HELD:
+        return
     part_of_cell = _parts(model.mesh) if lattice is None else _lattice_parts(lattice)
     count = model.mesh.node_count
     parts = int(part_of_cell.max()) + 1
     if parts == 1 and not model.constraints:
         used = np.ones(count, dtype=bool)
         used[model.mesh.dangling_nodes] = False
-        _check_body(model, np.flatnonzero(used))
+        node = np.flatnonzero(used)
+        yield from _free_of_body(model, node, np.zeros(len(node), dtype=np.int64), 1, None)
         return
     node, part = _incidence(model.mesh, part_of_cell)
     body = _connected(count, node, part)[count:]
@@ -124,7 +169,8 @@ def _check_parts(model: Model, lattice: Lattice | None) -> None:
         inside = group[node] == number
         members, local = np.unique(part[inside], return_inverse=True)
         own = equations[group_of_row == number]
-        _check_body(model, node[inside], local, len(members), own if own.shape[0] else None)
+        own = own if own.shape[0] else None
+        yield from _free_of_body(model, node[inside], local, len(members), own)
 
 
 def _connected(count: int, node: Long, other: Long) -> Long:
@@ -179,16 +225,11 @@ def _incidence(mesh: Mesh, part_of_cell: Long) -> tuple[Long, Long]:
     return key // parts, key % parts
 
 
-def _check_body(
-    model: Model,
-    node: Long,
-    local: Long | None = None,
-    parts: int = 1,
-    equations: csr_matrix | None = None,
-) -> None:
+def _free_of_body(
+    model: Model, node: Long, local: Long, parts: int, equations: csr_matrix | None
+) -> Iterator[FreeMotions]:
     """``node`` (n,) of the body, ascending, once for each of its ``parts``, ``local`` (n,), which
     ``equations`` (m,3N) may join."""
-    local = np.zeros(len(node), dtype=np.int64) if local is None else local
     first = np.concatenate([[True], node[1:] != node[:-1]])
     points = model.mesh.points[node[first]]
     origin = points.mean(axis=0)
@@ -221,7 +262,6 @@ def _check_body(
     if free.shape[1] == 0:
         return
     size = np.ptp(points, axis=0)
-    solid = ~loose if not loose.all() else loose
     if not (loose.all() or size.min() > _THINNEST * length):
         raise InputError(
             f"supports: the body with {len(points)} nodes is too thin to be held: what keeps it "
@@ -229,14 +269,12 @@ def _check_body(
             f"{size[2]:.3g}; expected sides of at least {_THINNEST:g} of the longest (are they all "
             "in one unit?)"
         )
-    names = _names(free.reshape(parts, 6, -1)[solid], origin, length)
     how = "touch only along edges or at nodes" if equations is None else "are joined by constraints"
-    where = "" if parts == 1 else f" (its {parts} parts {how})"
-    raise InputError(
-        f"supports: the body with {len(points)} nodes around "
-        f"({origin[0]:.6g}, {origin[1]:.6g}, {origin[2]:.6g}){where} can move freely; "
-        f"got free {', '.join(names)}; expected supports that hold all six rigid-body motions"
-    )
+    motions = free.reshape(parts, 6, -1)
+    solid = motions[~loose] if not loose.all() else motions
+    as_one = bool((np.abs(solid - solid[0]) <= _AS_ONE).all())
+    motions = _ordered(motions, solid[0]) if as_one else motions
+    yield FreeMotions(node, local, motions, as_one, origin, length, how)
 
 
 def _equation_gram(term: coo_matrix, part: Long, modes: Float, loose: Bool) -> Float:
@@ -262,43 +300,45 @@ def _placed(
     return result.reshape(len(points), 6 * parts)
 
 
-def _names(motions: Float, origin: Float, length: float) -> list[str]:
-    """Plain names of the free motions (P,6,k) of parts that move as one: along or about the axes
-    where these are free."""
-    free = motions[0]
-    if not (np.abs(motions - free) <= _AS_ONE).all():
-        return [f"{free.shape[1]} motions"]
-    # rotations first: what the singular vectors leave over is pure translation
-    _, sizes, turned = np.linalg.svd(free[3:])
-    rotations = int((sizes > 1e-6).sum())
-    free = free @ turned.T
-    names = [
-        "translation " + _axis(mode[:3]) for mode in _along_axes(free[:, rotations:], slice(0, 3)).T
-    ]
-    for mode in _along_axes(free[:, :rotations], slice(3, 6)).T:
-        spin = mode[3:] / length
-        # the axis: where the motion is parallel to the spin
-        point = origin + np.cross(spin, mode[:3]) / float(spin @ spin)
-        point = np.where(np.abs(point) > 1e-9 * length, point, 0.0)  # 0, not 4e-16
-        names.append(
-            f"rotation about {_axis(spin)} through ({point[0]:.4g}, {point[1]:.4g}, {point[2]:.4g})"
-        )
-    return names
+def _ordered(motions: Float, body: Float) -> Float:
+    """Free motions (P,6,k) of parts that move as the ``body`` (6,k) does recombined: translations
+    first, then rotations, along or about the axes where these are free."""
+    # singular vectors of the rotations: what they leave over is pure translation
+    _, sizes, turned = np.linalg.svd(body[3:])
+    rotating = int((sizes > _AS_ONE).sum())
+    parts = (turned[rotating:].T, slice(0, 3)), (turned[:rotating].T, slice(3, 6))
+    mixed = [one @ _along_axes(body @ one, part) for one, part in parts]
+    return np.asarray(motions @ np.hstack(mixed))
 
 
 def _along_axes(modes: Float, part: slice) -> Float:
-    """Recombine (6,k) modes so that ``part`` lies along coordinate axes where it can."""
+    """(k,m) how to recombine (6,k) modes so that ``part`` lies along coordinate axes where it
+    can."""
     if modes.shape[1] < 2:
-        return modes
+        return np.eye(modes.shape[1])
     chosen = []
     for axis in np.eye(3):
         mix, *_ = np.linalg.lstsq(modes[part], axis, rcond=None)
         if np.abs(modes[part] @ mix - axis).max() < 1e-6:
-            chosen.append(modes @ mix)
-    return np.stack(chosen, axis=1) if len(chosen) == modes.shape[1] else modes
+            chosen.append(mix)
+    return np.stack(chosen, axis=1) if len(chosen) == modes.shape[1] else np.eye(modes.shape[1])
 
 
-def _axis(vector: Float) -> str:
+def _name(mode: Float, origin: Float, length: float) -> str:
+    """Of a rigid-body motion (6,)."""
+    spin = mode[3:] / length
+    if not np.abs(mode[3:]).max() > _AS_ONE * np.abs(mode).max():
+        return f"translation {axis_name(mode[:3])}"
+    # the axis: where the motion is parallel to the spin
+    point = origin + np.cross(spin, mode[:3]) / float(spin @ spin)
+    point = np.where(np.abs(point) > 1e-9 * length, point, 0.0)  # 0, not 4e-16
+    return (
+        f"rotation about {axis_name(spin)} through ({point[0]:.4g}, {point[1]:.4g}, {point[2]:.4g})"
+    )
+
+
+def axis_name(vector: Float) -> str:
+    """ "x", "y", "z", or a direction's components."""
     unit = vector / np.linalg.norm(vector)
     for axis, name in enumerate("xyz"):
         if abs(unit[axis]) > 1.0 - 1e-6:

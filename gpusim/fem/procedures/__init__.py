@@ -11,4 +11,8 @@ In the order in which data passes:
 - `nonlinear_static`: Nonlinear statics: equilibrium at large displacements, load step by load step.
 - `statics`: Statics: displacements of a model, by linear theory or at large displacements.
 - `expansion`: What large displacements add to linear ones, to third order in the load.
+- `rigid_body_modes`: Rigid-body modes: motions that cost no energy, known exactly before any other
+  mode.
+- `davidson`: Block Davidson iteration: the greatest mu of B x = mu A x, A positive definite.
+- `modes`: Modal analysis: natural frequencies and mode shapes, K u = omega^2 M u.
 """

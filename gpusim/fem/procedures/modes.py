@@ -1,0 +1,280 @@
+"""Modal analysis: natural frequencies and mode shapes, K u = omega^2 M u."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import numpy as np
+from scipy.linalg import eigh
+
+from gpusim.arrays.array_types import Float
+from gpusim.errors import NotConverged
+from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
+from gpusim.fem.linear.shifted_solver import ShiftedSolver
+from gpusim.fem.linear.solve_plan import METHODS, Clock, Options
+from gpusim.fem.model.mass import MASS_RULES
+from gpusim.fem.model.model import Model, resolve_formulation
+from gpusim.fem.model.modes import Modes
+from gpusim.fem.model.solution import Solution
+from gpusim.fem.model.supports import rigid_modes
+from gpusim.fem.procedures.davidson import Pencil, davidson
+from gpusim.fem.procedures.rigid_body_modes import RigidBodyModes, rigid_body_modes
+from gpusim.fem.procedures.statics import Tolerance
+from gpusim.parallel.blas_threads import one_blas_thread
+from gpusim.parallel.machine import host_memory, keep_freed_memory
+from gpusim.validation import Count, checked, finite_numbers, one_of, require
+
+# modes of one band, at most
+_MOST = 1000
+# share of the free memory that the basis of the iteration may take
+_MEMORY = 0.5
+# rows to begin with; times that a shift is brought nearer to the lowest elastic value, and of that
+# the multiple beyond which modes are hard to tell apart
+_START, _SHIFTS, _FAR = 8, 6, 2.0
+# relative error beyond which a frequency is none
+_SOFT = 0.1
+
+
+@checked
+def modes(
+    model: Model,
+    count: Count = 10,
+    *,
+    band: tuple[float, float] | None = None,
+    mass: Annotated[str, one_of(*MASS_RULES)] = "exact",
+    formulation: str | Mapping[str, str] | None = None,
+    tolerance: Tolerance = 1e-8,
+    method: Annotated[str, one_of(*METHODS)] = "auto",
+    prestress: Solution | None = None,
+    progress: Callable[[int, float], None] | None = None,
+) -> Modes:
+    """The lowest natural frequencies of a model, and their mode shapes.
+
+    Loads and prescribed displacements don't matter, unless by ``prestress``: supports hold still.
+    What isn't held moves as a rigid body (at 0 Hz), which isn't computed but known.
+
+    Parameters
+    ----------
+    model : see `gpusim.Model`; its materials need densities.
+    count : how many modes, rigid-body modes included.
+    band : (low, high) Hz: all modes in it, at most 1000 below ``high``, in place of ``count``.
+    mass : rule of the mass matrix, see `gpusim.fem.mass_matrix`.
+    formulation : see `gpusim.solve`.
+    tolerance : relative error of the frequencies to reach, as the mesh has them.
+    method : "direct", "multigrid", or "auto": what is cheaper for a static solve.
+    prestress : a solution of this model, linear or nonlinear, about whose last state it vibrates:
+        tension stiffens, compression softens.
+    progress : called with (steps, worst error so far).
+
+    Raises
+    ------
+    InputError
+        A wrong argument, a material without density, more modes than unknowns, more than memory
+        holds.
+    NotConverged
+        A stiffness that isn't positive definite: an unstable prestress, or motions without
+        stiffness that aren't rigid ('reduced' elements have such); a nearly incompressible body
+        whose factors don't fit. Modes that aren't good enough after many steps are no error:
+        ``Modes.converged`` is False.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(1, 0.1, 0.1), divisions=(8, 1, 1))
+    >>> fixed = np.isclose(bar.points[:, :1], 0.0).repeat(3, axis=1)
+    >>> steel = gs.Isotropic(210e9, 0.3, density=7850.0)
+    >>> gs.modes(gs.Model(bar, steel, fixed), count=4).frequencies.round(1)
+    array([ 83.8,  83.8, 522.6, 522.6])
+    """
+    require(isinstance(model, Model), "modes model", type(model).__name__, "a Model")
+    called = progress is None or callable(progress)
+    require(called, "modes progress", repr(progress), "a function, or None")
+    if prestress is not None:
+        expected = "a Solution of this model"
+        require(prestress.model is model, "modes prestress", "one of another model", expected)
+    limits = None
+    if band is not None:
+        expected = "(low, high) in Hz, 0 <= low < high"
+        limits = finite_numbers(band, "modes: band", [(2,)], expected)
+        require(bool(0.0 <= limits[0] < limits[1]), "modes: band", band, expected)
+    keep_freed_memory()
+    names, clock = resolve_formulation(model, formulation), Clock()
+    options = Options(method, None, "numpy", tolerance, None, None, progress, names, clock)
+    with one_blas_thread():
+        if prestress is None:
+            equation = EquationOfMotion.of(model, names, mass)
+        else:
+            equation = EquationOfMotion.at(prestress, names, mass)
+        clock.mark("assembly")
+        rigid = rigid_body_modes(equation)
+        unknowns = int(equation.unknown.sum())
+        require(count <= unknowns, "modes: count", count, f"at most {unknowns}, the unknowns")
+        search = _Search(equation, rigid, options)
+        found = search.lowest(int(count) - len(rigid.names))
+        if limits is not None:
+            found = search.up_to((2.0 * np.pi * limits[1]) ** 2, found)
+        points = model.mesh.points
+        if prestress is not None:
+            points = points + (prestress.u if prestress.u.ndim == 2 else prestress.u.sum(axis=0))
+        return _result(search, found, limits, points)
+
+
+@dataclass(frozen=True, eq=False)
+class _Elastic:
+    """``values`` (k,) of lambda, rows x (k,3N) orthonormal in the equation's mass, and ``error``
+    (k,) of the frequencies, which the iteration has ``settled`` after so many ``steps``."""
+
+    values: Float
+    rows: Float
+    error: Float
+    settled: bool
+    steps: int
+
+
+class _Search:
+    """Of elastic modes, beside the rigid ones that are known."""
+
+    def __init__(self, equation: EquationOfMotion, rigid: RigidBodyModes, options: Options) -> None:
+        self.equation, self.rigid, self.options = equation, rigid, options
+        self.shift = rigid.value
+        self._prepare()
+        self._start = self._pencil.random(_START, 0)
+        for _ in range(_SHIFTS if self.shift else 0):
+            # rows in which the lowest modes prevail give a bound from above
+            values, _ = rayleigh_ritz(equation, equation.stiffness, self._elastic(self._start))
+            if self.shift <= _FAR * values[0]:
+                break
+            self.shift = float(values[0])
+            self._prepare()
+            self._start = self._pencil.solve(equation.inertia(self._start))
+        options.clock.mark("solver")
+
+    def _elastic(self, rows: Float) -> Float:
+        """Without what is rigid in them."""
+        return rows - (rows @ self.equation.inertia(self.rigid.rows).T) @ self.rigid.rows
+
+    def _prepare(self) -> None:
+        self.solver = solver = definite_solver(self.equation, self.shift, self.options)
+        # A-orthonormal: rigid motions have the energy of the shift alone
+        known = self.rigid.rows / np.sqrt(self.shift or 1.0)
+        self._pencil = Pencil(
+            solver.energy, self.equation.inertia, solver.apply, self.equation.unknown, known,
+            solver.weakest,
+        )  # fmt: skip
+
+    def lowest(self, count: int) -> _Elastic:
+        """The ``count`` lowest."""
+        if count <= 0:
+            none = np.zeros(0)
+            return _Elastic(none, np.zeros((0, len(self.equation.unknown))), none, True, 0)
+        need = 24 * (2 * count + 40) * len(self.equation.unknown)
+        expected = f"at most {_MEMORY:.0%} of the free memory: fewer modes, or a narrower band"
+        fits = need <= _MEMORY * host_memory()
+        require(fits, f"modes: {count} modes need", f"{need / 1e9:.1f} GB", expected)
+        pairs = davidson(
+            self._pencil, count, 0.25 * self.options.tolerance, self._start, self.options.progress
+        )
+        self._start = pairs.vectors
+        equation = self.equation
+        values, rows = rayleigh_ritz(equation, equation.stiffness_by_deformation, pairs.vectors)
+        size = np.maximum(np.abs(values), 1e-300)
+        rounding = np.linalg.norm(rows * equation.rounding_by_deformation(rows), axis=1) / size
+        error = 0.5 * (pairs.error / pairs.values / size + rounding)
+        return _Elastic(values, rows, error, pairs.converged, pairs.steps)
+
+    def up_to(self, value: float, found: _Elastic) -> _Elastic:
+        """All with lambda up to a ``value``, and some beyond, beginning with what was found."""
+        rigid = len(self.rigid.names)
+        most = int(self.equation.unknown.sum()) - rigid
+        count = max(len(found.values), 1)
+        while not (found.values > value).any() and len(found.values) < most:
+            beyond = f"more than {_MOST} below its upper end"
+            require(count < _MOST, "modes: modes of the band", beyond, "a narrower band")
+            count = min(2 * count, _MOST, most)
+            found = self.lowest(count)
+        return found
+
+
+def definite_solver(equation: EquationOfMotion, shift: float, options: Options) -> ShiftedSolver:
+    """Of K + ``shift`` M, which can solve with it: cycles can't where a body is nearly
+    incompressible."""
+    solver = ShiftedSolver(equation, shift, options)
+    if solver.exact or not solver.plan.stiff_in_bulk or options.method == "multigrid":
+        return solver
+    direct = solver.plan.direct()
+    if direct is None or not direct.fits:
+        raise NotConverged(
+            "modes: a nearly incompressible body; got factors that don't fit the memory; expected "
+            "fewer unknowns, or a smaller Poisson's ratio: multigrid doesn't solve for its modes"
+        )
+    return ShiftedSolver(equation, shift, replace(options, method="direct"))
+
+
+def rayleigh_ritz(
+    equation: EquationOfMotion, stiffness: Callable[[Float], Float], rows: Float
+) -> tuple[Float, Float]:
+    """Values (k,) of K x = lambda M x in the span of ``rows`` (k,3N), ascending, and its vectors,
+    orthonormal in the mass."""
+    energy, inertia = rows @ stiffness(rows).T, rows @ equation.inertia(rows).T
+    values, shares = eigh(0.5 * (energy + energy.T), 0.5 * (inertia + inertia.T))
+    return values, shares.T @ rows
+
+
+def _result(search: _Search, found: _Elastic, limits: Float | None, points: Float) -> Modes:
+    """In the model's units, with what motions of its supports say, whose nodes are at ``points``
+    (N,3); within ``limits`` (2,) Hz, if any."""
+    equation, options, names = search.equation, search.options, search.rigid.names
+    frequencies = np.sqrt(np.maximum(found.values, 0.0)) / (2.0 * np.pi)
+    frequencies = np.concatenate([np.zeros(len(names)), frequencies])
+    error = np.concatenate([np.zeros(len(names)), found.error])
+    x = np.concatenate([search.rigid.rows, found.rows]) / np.sqrt(equation.scale)
+    low, high = (0.0, np.inf) if limits is None else limits
+    chosen = (frequencies >= low) & (frequencies <= high)
+    frequencies, error, x = frequencies[chosen], error[chosen], x[chosen]
+    x *= np.sign(np.take_along_axis(x, np.abs(x).argmax(axis=1)[:, None], axis=1))
+    centre, total = _inertia(equation)
+    base = np.moveaxis(rigid_modes(points, centre, 1.0), 2, 0)
+    participation = equation.scale * x @ equation.inertia_forces(base).T
+    worst = float(error.max(initial=0.0))
+    converged = found.settled and worst <= options.tolerance
+    message = f"estimated errors of up to {worst:.1e} after {found.steps} steps"
+    options.clock.mark("iteration")
+    return Modes(
+        frequencies=frequencies,
+        shapes=equation.displacements(x),
+        participation=participation,
+        effective_mass=participation**2,
+        total_mass=total,
+        centre=centre,
+        error_estimate=error,
+        converged=converged,
+        rigid=names[: int(chosen[: len(names)].sum())],
+        unknowns=int(equation.unknown.sum()),
+        steps=found.steps,
+        message="converged" if converged else message,
+        warnings=_warnings(error),
+        timings=options.clock.timings,
+        method="direct" if search.solver.exact else "multigrid",
+        reasons=search.solver.plan.lines,
+        model=equation.model,
+    )
+
+
+def _inertia(equation: EquationOfMotion) -> tuple[Float, Float]:
+    """Centre of mass (3,), and masses and moments of inertia about it (6,)."""
+    weights = np.asarray(equation.mass.sum(axis=1)).ravel()
+    centre = weights @ equation.points / weights.sum()
+    base = rigid_modes(equation.points, centre, 1.0)
+    moved = (equation.mass @ base.reshape(len(base), -1)).reshape(base.shape)
+    return centre, np.einsum("nak,nak->k", base, moved)
+
+
+def _warnings(error: Float) -> tuple[str, ...]:
+    soft = int((error > _SOFT).sum())
+    if not soft:
+        return ()
+    return (
+        f"{soft} modes have next to no stiffness beside the body's own rounding, and are no rigid "
+        "motions ('reduced' elements leave some; so do parts that hardly hold together)",
+    )
