@@ -30,6 +30,8 @@ from gpusim.parallel.threads import shared
 
 # of the stiffness of loads: skew parts that cancel between faces leave less
 _ROUNDING = 1e-10
+# steps in which the elements' own unknowns are found anew, and when they have been
+_MODE_STEPS, _SETTLED = 8, 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,12 +160,7 @@ class Equation:
         self._warm(factors)
         residual, points = self.external(u, factors), self.model.mesh.points + u
         forces = [np.zeros((*one.cells.shape, 3)) for one in self.responses]
-        elements = [
-            FormedElements(
-                one.name, one.cells, partial(_tangents, one, u, want, into), one.block.numbers
-            )
-            for one, into in zip(self.responses, forces, strict=True)
-        ]
+        elements = self.elements(u, want, forces)
         acting = np.zeros_like(factors) if want is Want.MATERIAL else factors
         pressed = [
             FormedElements(one.name, one.cells, partial(_symmetric, one, points, acting[case]))
@@ -174,6 +171,15 @@ class Equation:
             add_to(residual, one.cells, -of_cells)
         skew = self.skew_stiffness(u, acting)
         return Tangent(u, factors, residual, Assembled(rows, elements, None), skew)
+
+    def elements(self, u: Float, want: Want, forces: Sequence[Float]) -> list[FormedElements]:
+        """Whose tangents are formed at ``u``; their ``forces`` (M,k,3) are written on the way."""
+        return [
+            FormedElements(
+                one.name, one.cells, partial(_tangents, one, u, want, into), one.block.numbers
+            )
+            for one, into in zip(self.responses, forces, strict=True)
+        ]
 
     def skew_stiffness(self, u: Float, factors: Float) -> csr_matrix | None:
         """(3N,3N) on what is solved for, of the loads that follow; None where they have a
@@ -201,6 +207,15 @@ class Equation:
         """The elements' own unknowns follow a step ``du`` (N,3) from ``u``."""
         for one in self.responses:
             shared(partial(one.advance, u=u, du=du, foretell=foretell), portions(len(one.cells)))
+
+    def relax(self, u: Float, factors: Float) -> None:
+        """The elements' own unknowns as they are in equilibrium at ``u``."""
+        still, forces = np.zeros_like(u), self.internal(u, factors)
+        for _ in range(_MODE_STEPS):
+            self.advance(u, still, foretell=False)
+            before, forces = forces, self.internal(u, factors)
+            if np.abs(forces - before).max() <= _SETTLED * np.abs(forces).max():
+                break
 
     def work_left(self, tangent: Tangent, du: Float) -> float:
         """What is gained by going on along the last step ``du`` (N,3), per share of it, at the

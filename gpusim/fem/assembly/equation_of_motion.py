@@ -35,9 +35,6 @@ from gpusim.fem.model.model import Model
 from gpusim.fem.model.solution import Solution
 from gpusim.validation import require
 
-# of the elements' own unknowns, which are found anew at an equilibrium, and when they have been
-_MODE_STEPS, _SETTLED = 8, 1e-12
-
 
 @dataclass(frozen=True, eq=False)
 class EquationOfMotion:
@@ -194,12 +191,8 @@ def _tangent(
     u = solution.u if solution.u.ndim == 2 else solution.u.sum(axis=0)
     u = u if numbering is None else numbering.forward(u)
     factors = solution.steps[-1].factors if solution.steps else np.ones(len(model.load_cases))
-    still, forces = np.zeros_like(u), equation.internal(u, factors)
-    for _ in range(_MODE_STEPS):
-        equation.advance(u, still, foretell=False)
-        before, forces = forces, equation.internal(u, factors)
-        if np.abs(forces - before).max() <= _SETTLED * np.abs(forces).max():
-            break
+    equation.relax(u, factors)
+    still = np.zeros_like(u)
     tangent = equation.linearised(u, factors)
     points = model.mesh.points + u
     system = scaled_system(tangent.assembled, points, equation.free, still[None], still[None])

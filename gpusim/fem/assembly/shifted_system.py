@@ -46,12 +46,12 @@ class Shift:
 
 def shifted_system(assembled: Assembled, system: System, shift: Shift) -> tuple[Assembled, System]:
     """What solvers take in place of K's ``system``; loads and supports are its own."""
-    groups = [_shifted(group, shift) for group in assembled.groups]
+    groups = [shifted_elements(group, shift) for group in assembled.groups]
     lattice, scale = assembled.lattice, system.scale
     if lattice is None:
-        rows = _with_row_sums(assemble_groups(groups, assembled.rows.node_count), shift)
+        rows = with_row_sums(assemble_groups(groups, assembled.rows.node_count), shift)
     else:
-        rows = _with_row_sums(assemble_lattice(only_group(groups), lattice), shift)
+        rows = with_row_sums(assemble_lattice(only_group(groups), lattice), shift)
     pull = None if system.pull is None else system.pull + shift.forces(system.prescribed)
     right = np.where(system.free, system.loads - (0.0 if pull is None else pull), 0.0)
     stencil = None
@@ -72,7 +72,7 @@ def shifted_system(assembled: Assembled, system: System, shift: Shift) -> tuple[
     return Assembled(rows, groups, lattice), shifted
 
 
-def _shifted(group: Elements, shift: Shift) -> Elements:
+def shifted_elements(group: Elements, shift: Shift) -> Elements:
     """Elements with their mass; what is none of the mesh's has none."""
     if isinstance(group, Group):
         assert group.numbers is not None
@@ -86,7 +86,7 @@ def _shifted(group: Elements, shift: Shift) -> Elements:
     return FormedElements(group.name, group.cells, at, group.numbers)
 
 
-def _with_row_sums(rows: BlockRows, shift: Shift) -> BlockRows:
+def with_row_sums(rows: BlockRows, shift: Shift) -> BlockRows:
     """Rows that were assembled as those of K, which add up to zero: those of M don't."""
     _, first = np.unique(rows.row_class, return_index=True)
     sums = shift.factor * np.asarray(shift.mass.sum(axis=1)).ravel()[first]

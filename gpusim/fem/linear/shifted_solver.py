@@ -11,6 +11,7 @@ from gpusim.arrays.array_types import Float
 from gpusim.arrays.unique import noise
 from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
 from gpusim.fem.assembly.stiffness_rounding import indefinite
+from gpusim.fem.assembly.system import finest_product
 from gpusim.fem.krylov.cg import NumpyCG, Preconditioner
 from gpusim.fem.krylov.error_estimates import BELOW, smallest_ritz_value
 from gpusim.fem.linear.direct_solver import DirectSolver
@@ -46,10 +47,15 @@ class ShiftedSolver:
             else DirectSolver(direct)
         )
         self.preconditioner: Preconditioner = solver.preconditioner
+        self._product = finest_product(assembled.rows, system)
 
     def apply(self, r: Float) -> Float:
         """(L,3N) of r (L,3N)."""
         return self.preconditioner.apply(r)
+
+    def product(self, x: Float) -> Float:
+        """K + ``shift`` M times x (L,3N), as an iteration takes it."""
+        return np.where(self._equation.unknown, self._product(x), 0.0)
 
     def energy(self, x: Float) -> Float:
         """(K + shift M) x for x (L,3N)."""
