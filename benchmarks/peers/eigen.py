@@ -11,25 +11,45 @@ import sys
 import time
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
 TOLERANCE = 1e-8
 
 
-def superlu(k, m, count):
+class Matrix:
+    """The arrays of a CSR matrix, by SciPy's names: SLEPc's interpreter may have no SciPy."""
+
+    def __init__(self, path):
+        with np.load(path) as file:
+            self.indptr, self.indices, self.data = (
+                file[name] for name in ("indptr", "indices", "data")
+            )
+        self.shape = (len(self.indptr) - 1,) * 2
+
+    def scipy(self):
+        from scipy.sparse import csr_matrix
+
+        return csr_matrix((self.data, self.indices, self.indptr), shape=self.shape)
+
+
+def superlu(stiffness, mass, count):
+    from scipy.sparse.linalg import LinearOperator, eigsh, splu
+
+    k, m = stiffness.scipy(), mass.scipy()
     lu = splu(k.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
               options={"SymmetricMode": True})  # fmt: skip
     inverse = LinearOperator(k.shape, lu.solve)
     return eigsh(k, count, m, sigma=0.0, OPinv=inverse, tol=TOLERANCE)[0]
 
 
-def pardiso(k, m, count):
+def pardiso(stiffness, mass, count):
     """On the upper triangle: pypardiso's default is the solver of matrices that aren't symmetric,
     and takes twice as long."""
     from pypardiso import PyPardisoSolver
+    from scipy.sparse import triu
+    from scipy.sparse.linalg import LinearOperator, eigsh
 
-    upper = sp.triu(k, format="csr")
+    k, m = stiffness.scipy(), mass.scipy()
+    upper = triu(k, format="csr")
     upper.sort_indices()
     solver = PyPardisoSolver(mtype=2)
     solver.factorize(upper)
@@ -42,7 +62,7 @@ def pardiso(k, m, count):
     return eigsh(k, count, m, sigma=0.0, OPinv=inverse, tol=TOLERANCE)[0]
 
 
-def slepc(k, m, count):
+def slepc(stiffness, mass, count):
     import petsc4py
 
     petsc4py.init([])
@@ -58,7 +78,7 @@ def slepc(k, m, count):
         return made
 
     solver = SLEPc.EPS().create()
-    solver.setOperators(matrix(k), matrix(m))
+    solver.setOperators(matrix(stiffness), matrix(mass))
     solver.setProblemType(SLEPc.EPS.ProblemType.GHEP)
     solver.setDimensions(count)
     solver.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
@@ -77,9 +97,9 @@ def slepc(k, m, count):
 
 def main():
     folder, solver, count = sys.argv[1], sys.argv[2], int(sys.argv[3])
-    k, m = (sp.csr_matrix(sp.load_npz(f"{folder}/{name}.npz")) for name in "km")
+    matrices = [Matrix(f"{folder}/{name}.npz") for name in "km"]
     wall, processor = time.perf_counter(), time.process_time()
-    values = {"superlu": superlu, "pardiso": pardiso, "slepc": slepc}[solver](k, m, count)
+    values = {"superlu": superlu, "pardiso": pardiso, "slepc": slepc}[solver](*matrices, count)
     wall, processor = time.perf_counter() - wall, time.process_time() - processor
     found = {"values": sorted(map(float, values)), "wall": wall, "processor": processor}
     print(json.dumps(found), flush=True)

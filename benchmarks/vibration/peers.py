@@ -135,7 +135,7 @@ def _model_lines(model: Model, element: str) -> list[str]:
     (material,) = model.materials
     assert isinstance(material, Isotropic) and model.fixed is not None
     lines = ["*NODE, NSET=ALL"]
-    lines += [f"{k}, {x:.15e}, {y:.15e}, {z:.15e}" for k, (x, y, z) in
+    lines += [f"{k}, {x:.12e}, {y:.12e}, {z:.12e}" for k, (x, y, z) in
               enumerate(model.mesh.points, 1)]  # fmt: skip
     lines.append(f"*ELEMENT, TYPE={element}, ELSET=BODY")
     lines += [f"{k}, " + ", ".join(map(str, cell)) for k, cell in enumerate(cells + 1, 1)]

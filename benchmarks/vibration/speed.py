@@ -19,7 +19,8 @@ from benchmarks.vibration.peers import (
 )
 from benchmarks.vibration.rayleigh import rayleigh_frequencies
 from gpusim.bench.solver_cases import Case
-from gpusim.fem import Model, Modes, modes, solve, transient
+from gpusim.fem import Model, Modes, modes, solve
+from gpusim.fem.procedures.transient import transient
 
 Float = npt.NDArray[np.float64]
 
