@@ -72,6 +72,7 @@ if _typing.TYPE_CHECKING:
     from gpusim.errors import SceneError as SceneError
     from gpusim.errors import TwinMismatch as TwinMismatch
     from gpusim.fem import J2 as J2
+    from gpusim.fem import Buckling as Buckling
     from gpusim.fem import Hencky as Hencky
     from gpusim.fem import Isotropic as Isotropic
     from gpusim.fem import ModalDamping as ModalDamping
@@ -83,6 +84,7 @@ if _typing.TYPE_CHECKING:
     from gpusim.fem import SaintVenantKirchhoff as SaintVenantKirchhoff
     from gpusim.fem import Solution as Solution
     from gpusim.fem import StructuralDamping as StructuralDamping
+    from gpusim.fem import buckling as buckling
     from gpusim.fem import modes as modes
     from gpusim.field import Field as Field
     from gpusim.field import read_field as read_field
@@ -137,8 +139,8 @@ _HOMES = {
         "OutOfDeviceMemory SceneError TwinMismatch"
     ),
     "gpusim.fem": (
-        "Hencky Isotropic J2 ModalDamping Model Modes NeoHookean Orthotropic Rayleigh "
-        "SaintVenantKirchhoff Solution StructuralDamping modes"
+        "Buckling Hencky Isotropic J2 ModalDamping Model Modes NeoHookean Orthotropic Rayleigh "
+        "SaintVenantKirchhoff Solution StructuralDamping buckling modes"
     ),
     "gpusim.field": "Field read_field",
     "gpusim.files.frame_source": "FrameSource read_frames",

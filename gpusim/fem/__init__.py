@@ -31,6 +31,7 @@ from gpusim.fem.materials.law import Law, Material, Update
 from gpusim.fem.materials.neo_hookean import NeoHookean
 from gpusim.fem.materials.orthotropic import Orthotropic
 from gpusim.fem.materials.saint_venant_kirchhoff import SaintVenantKirchhoff
+from gpusim.fem.model.buckling import Buckling
 from gpusim.fem.model.constraints import Equations, equations, tie
 from gpusim.fem.model.damping import ModalDamping, Rayleigh, StructuralDamping
 from gpusim.fem.model.follower_loads import FollowerPressure
@@ -49,6 +50,7 @@ from gpusim.fem.model.modes import Modes
 from gpusim.fem.model.solution import LoadStep, Solution
 from gpusim.fem.model.supports import symmetry
 from gpusim.fem.model.thermal_loads import thermal
+from gpusim.fem.procedures.buckling import buckling
 from gpusim.fem.procedures.modes import modes
 from gpusim.fem.procedures.statics import solve
 from gpusim.fem.recovery.stress import Stress, principal, stress, von_mises
@@ -56,6 +58,7 @@ from gpusim.fem.recovery.stress import Stress, principal, stress, von_mises
 __all__ = [
     "J2",
     "METHODS",
+    "Buckling",
     "Equations",
     "FollowerPressure",
     "Hencky",
@@ -77,6 +80,7 @@ __all__ = [
     "Update",
     "Voce",
     "body_force",
+    "buckling",
     "centrifugal",
     "equations",
     "face_force",

@@ -58,7 +58,13 @@ class EquationOfMotion:
     @staticmethod
     def of(model: Model, formulation: Mapping[str, str], mass_rule: str) -> EquationOfMotion:
         """At rest, without loads. Raises InputError for a material without density."""
+        check_densities(model)
         return _equation_of_motion(model, formulation, mass_rule, None)
+
+    @staticmethod
+    def without_mass(model: Model, formulation: Mapping[str, str]) -> EquationOfMotion:
+        """At rest, of a body without mass: for what depends on the stiffness alone."""
+        return _equation_of_motion(model, formulation, None, None)
 
     @staticmethod
     def at(solution: Solution, formulation: Mapping[str, str], mass_rule: str) -> EquationOfMotion:
@@ -67,6 +73,7 @@ class EquationOfMotion:
         Raises InputError for laws with a history, whose state a solution doesn't hold.
         """
         assert solution.model is not None
+        check_densities(solution.model)
         return _equation_of_motion(solution.model, formulation, mass_rule, solution)
 
     @cached_property
@@ -87,18 +94,32 @@ class EquationOfMotion:
 
     def rounding_by_deformation(self, x: Float) -> Float:
         """(L,3N) as much as rounding can do to `stiffness_by_deformation`."""
-        system = self._reduced[1].by_deformation()
-        size = np.abs(system.rounding(x.reshape(len(x), -1, 3))).reshape(x.shape)
-        return np.where(self.unknown, size, 0.0)
+        return self._sizes(self._reduced[1].by_deformation().rounding, x)
+
+    def stiffness_by_differences(self, x: Float) -> Float:
+        """K x from differences of displacements, as it is on a lattice anyway; between the two
+        others, in time and as sharp."""
+        image = self._reduced[1].apply(x.reshape(len(x), -1, 3)).reshape(x.shape)
+        return np.where(self.unknown, image, 0.0)
+
+    def rounding_by_differences(self, x: Float) -> Float:
+        """(L,3N) as much as rounding can do to `stiffness_by_differences`."""
+        return self._sizes(self._reduced[1].rounding, x)
+
+    def _sizes(self, rounding: Callable[[Float], Float], x: Float) -> Float:
+        forces = rounding(x.reshape(len(x), -1, 3)).reshape(x.shape)
+        return np.where(self.unknown, np.abs(forces), 0.0)
 
     def inertia(self, x: Float) -> Float:
         """M x (L,3N)."""
-        u, elimination = x.reshape(len(x), -1, 3), self._elimination
-        moved = u if elimination is None else elimination.displacements(u)
-        forces = self.shift(1.0).forces(moved)
-        if elimination is not None:
-            forces = elimination.forces(forces)
-        return np.where(self.unknown, forces.reshape(x.shape) / self.scale, 0.0)
+        return self.scalar_product(self.mass, x)
+
+    def scalar_product(self, matrix: csr_matrix, x: Float) -> Float:
+        """(L,3N) what a ``matrix`` (N,N), in the numbers inside and the same for the three
+        directions, makes of x (L,3N)."""
+        u = x.reshape(len(x), -1, 3)
+        moved = u if self._elimination is None else self._elimination.displacements(u)
+        return self._forces(Shift(self.element_mass, matrix, 1.0).forces(moved))
 
     def displacements(self, x: Float) -> Float:
         """(L,N,3) in the model's own numbers, with what constraints gave up."""
@@ -108,18 +129,20 @@ class EquationOfMotion:
 
     def unknowns(self, u: Float) -> Float:
         """x (L,3N) of displacements (L,N,3) in the model's own numbers that obey the supports."""
-        inside = u if self._numbering is None else self._numbering.forward(u)
-        return np.where(self.unknown, inside.reshape(len(u), -1), 0.0)
+        return np.where(self.unknown, self.inside(u).reshape(len(u), -1), 0.0)
+
+    def inside(self, u: Float) -> Float:
+        """(L,N,3) in the numbers inside of (L,N,3) in the model's own."""
+        return u if self._numbering is None else self._numbering.forward(u)
 
     def forces(self, f: Float) -> Float:
         """What nodal forces (L,N,3), in the model's own numbers, do to x: (L,3N)."""
-        return self._forces(f if self._numbering is None else self._numbering.forward(f))
+        return self._forces(self.inside(f))
 
     def inertia_forces(self, a: Float) -> Float:
         """What M a does to x: (L,3N), of accelerations a (L,N,3) of all nodes, in the model's own
         numbers; those that are held still move as well."""
-        inside = a if self._numbering is None else self._numbering.forward(a)
-        return self._forces(self.shift(1.0).forces(inside))
+        return self._forces(self.shift(1.0).forces(self.inside(a)))
 
     def _forces(self, f: Float) -> Float:
         """(L,3N) of forces (L,N,3) in the numbers inside."""
@@ -157,9 +180,8 @@ class EquationOfMotion:
 
 
 def _equation_of_motion(
-    model: Model, formulation: Mapping[str, str], mass_rule: str, solution: Solution | None
+    model: Model, formulation: Mapping[str, str], mass_rule: str | None, solution: Solution | None
 ) -> EquationOfMotion:
-    check_densities(model)
     lattice = model_lattice(model)
     numbering = Numbering.of(model) if lattice is None else None
     inside = model if numbering is None else numbering.renumbered(model)
@@ -169,8 +191,9 @@ def _equation_of_motion(
         system, points = make_system(inside, assembled), inside.mesh.points
     else:
         assembled, system, points = _tangent(inside, formulation, solution, numbering)
-    element_mass = ElementMass(inside, formulation, mass_rule)
-    mass = scalar_mass(element_mass)
+    element_mass = ElementMass(inside, formulation, mass_rule or "exact")
+    empty = csr_matrix((inside.mesh.node_count,) * 2)
+    mass = empty if mass_rule is None else scalar_mass(element_mass)
     return EquationOfMotion(
         model, element_mass, mass, points, system.scale,
         numbering, eliminate(inside), assembled, system,

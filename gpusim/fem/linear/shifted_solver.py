@@ -9,6 +9,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.arrays.unique import noise
+from gpusim.errors import NotConverged
 from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
 from gpusim.fem.assembly.stiffness_rounding import indefinite
 from gpusim.fem.assembly.system import finest_product
@@ -75,3 +76,18 @@ class ShiftedSolver:
         if not (curvature > 0.0).all():
             raise indefinite("conjugate gradients")
         return BELOW * smallest_ritz_value(alpha, beta)
+
+
+def definite_solver(equation: EquationOfMotion, shift: float, options: Options) -> ShiftedSolver:
+    """Of K + ``shift`` M, good for eigenvalues: with a cycle these can't be found where a body is
+    nearly incompressible. Raises NotConverged where its factors don't fit, either."""
+    solver = ShiftedSolver(equation, shift, options)
+    if solver.exact or not solver.plan.stiff_in_bulk or options.method == "multigrid":
+        return solver
+    direct = solver.plan.direct()
+    if direct is None or not direct.fits:
+        raise NotConverged(
+            "modes: a nearly incompressible body; got factors that don't fit the memory; expected "
+            "fewer unknowns, or a smaller Poisson's ratio: multigrid doesn't find its modes"
+        )
+    return ShiftedSolver(equation, shift, replace(options, method="direct"))

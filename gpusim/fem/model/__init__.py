@@ -18,4 +18,5 @@ In the order in which data passes:
 - `mass`: Mass matrices: consistent, by CalculiX's rules, and lumped on the diagonal.
 - `damping`: Damping: of the Rayleigh kind, mode by mode, or in the material's structure.
 - `modes`: Modes of vibration: frequencies and shapes, and how far they can be trusted.
+- `buckling`: Buckling loads and shapes by linear theory, and how far they can be trusted.
 """

@@ -32,11 +32,12 @@ _CLUSTER = 1e-2
 # eta^2 / gap has been 0.7 of the true error once, among a hundred runs
 _SAFETY = 3.0
 # a second start of so many random vectors, and steps of inverse iteration of these
-_FRESH, _LOOKS = 4, 4
+_FRESH, _LOOKS = 2, 4
 # rows whose share that isn't in the others' span is less, squared
 _DEPENDENT = 1e-12
-# least eigenvalue of unit rows' products from which on once more would change nothing
-_WELL = 0.1
+# passes at most; least eigenvalue of unit rows' products from which on they are made orthonormal
+# without loss, and shares of the basis' rows in them that once more takes off
+_PASSES, _WELL, _APART = 4, 1e-3, 1e-8
 # steps after which it won't get there
 _STEPS, _STEPS_OF_EACH = 60, 8
 # of values: less is no motion of them; of residuals: less is none
@@ -143,9 +144,12 @@ class _Basis:
     def _orthonormal(self, new: Float) -> tuple[Float, Float]:
         """Rows made orthonormal to the basis and to one another, and A times them."""
         rows, energy = self._rows[: self._size], self._energy[: self._size]
-        for _ in range(3):
-            new = new - (new @ energy.T) @ rows
-            image = self._pencil.energy(new)
+        image, well = new, False
+        for number in range(_PASSES):
+            shares = new @ energy.T
+            new = new - shares @ rows
+            # what is taken off unit rows is rounding: it needs no product
+            image = image - shares @ energy if well else self._pencil.energy(new)
             gram = new @ image.T
             _require_definite(new, image, gram.diagonal())
             size = 1.0 / np.sqrt(np.maximum(gram.diagonal(), 1e-300))
@@ -155,8 +159,8 @@ class _Basis:
             good[: max(len(good) - self._pencil.size + len(rows), 0)] = False
             turn = (vectors[:, good] / np.sqrt(values[good])).T * size
             new, image = turn @ new, turn @ image
-            apart = np.abs(new @ energy.T).max(initial=0.0) < _DEPENDENT
-            if not len(new) or (values[0] > _WELL and apart):
+            well = bool((values > _WELL).all())
+            if not len(new) or (number and well and np.abs(shares).max(initial=0.0) < _APART):
                 break
         return new, image
 
@@ -174,10 +178,10 @@ def _require_definite(rows: Float, image: Float, energy: Float) -> None:
 
 class _Errors:
     """Of the values looked for, ``eta`` (k,), inf where nothing is known: ``count`` of them are
-    wanted with an ``angle`` of their vectors, the others are guards."""
+    wanted to a ``tolerance``, their vectors to its root, the others are guards."""
 
-    def __init__(self, count: int, guards: int, angle: float) -> None:
-        self._count, self._angle = count, angle
+    def __init__(self, count: int, guards: int, tolerance: float) -> None:
+        self._count, self._tolerance = count, tolerance
         self.eta, self._values = np.full(count + guards, np.inf), np.zeros(count + guards)
 
     def open(self, values: Float, negligible: float) -> Long:
@@ -188,9 +192,10 @@ class _Errors:
         moved = np.abs(ritz - self._values[here])
         same = moved <= np.maximum(self.eta[here], _ROUNDING) * np.abs(ritz)
         self.eta[here][~same] = np.inf
-        angles = self.eta[here] / gaps(values, len(ritz))
+        gap = gaps(values, len(ritz))
+        aims = np.sqrt(self._tolerance * np.minimum(0.5 * gap**2, gap / _SAFETY))
         wanted = np.arange(len(ritz)) < self._count
-        good = np.where(wanted, angles <= self._angle, self.eta[here] <= _GUARD_ERROR)
+        good = self.eta[here] <= np.where(wanted, aims, _GUARD_ERROR)
         return np.flatnonzero(~good & (ritz > negligible * np.abs(values).max()))
 
     def tell(self, which: Long, values: Float, squares: Float) -> None:
@@ -209,14 +214,14 @@ def davidson(
     progress: Callable[[int, float], None] | None = None,
 ) -> Eigenpairs:
     """The ``count`` greatest mu, from the rows of ``start``, each to ``tolerance``, and their
-    vectors to its root (as angles, or as angles of their cluster's span).
+    vectors to its root (as angles, those of a cluster as angles of their span).
 
     When all are good a second start, from other random rows, looks for what the first one may have
     missed. ``progress`` is called with (steps, worst error).
     """
     wanted = min(count + _GUARDS, pencil.size - len(pencil.known))
     basis = _Basis(pencil, 2 * wanted + 24 + max(_BLOCK, len(start)))
-    errors = _Errors(count, wanted - count, np.sqrt(tolerance))
+    errors = _Errors(count, wanted - count, tolerance)
     added, looks, limit = basis.extend(start), 0, _STEPS + _STEPS_OF_EACH * wanted
     for step in range(limit):
         values, shares = basis.ritz()

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from scipy.linalg import eigh
 
 from gpusim.arrays.array_types import Float
-from gpusim.errors import NotConverged
 from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
-from gpusim.fem.linear.shifted_solver import ShiftedSolver
+from gpusim.fem.linear.shifted_solver import definite_solver
 from gpusim.fem.linear.solve_plan import METHODS, Clock, Options
 from gpusim.fem.model.mass import MASS_RULES
 from gpusim.fem.model.model import Model, resolve_formulation
@@ -20,6 +18,7 @@ from gpusim.fem.model.modes import Modes
 from gpusim.fem.model.solution import Solution
 from gpusim.fem.model.supports import rigid_modes
 from gpusim.fem.procedures.davidson import Pencil, davidson
+from gpusim.fem.procedures.rayleigh_quotients import AIM, rayleigh_ritz, sharpened
 from gpusim.fem.procedures.rigid_body_modes import RigidBodyModes, rigid_body_modes
 from gpusim.fem.procedures.statics import Tolerance
 from gpusim.parallel.blas_threads import one_blas_thread
@@ -142,10 +141,11 @@ class _Search:
         self._start = self._pencil.random(_START, 0)
         for _ in range(_SHIFTS if self.shift else 0):
             # rows in which the lowest modes prevail give a bound from above
-            values, _ = rayleigh_ritz(equation, equation.stiffness, self._elastic(self._start))
-            if self.shift <= _FAR * values[0]:
+            rows = self._elastic(self._start)
+            values, _ = rayleigh_ritz(equation.stiffness, equation.inertia, rows)
+            if self.shift * values[0] <= _FAR:
                 break
-            self.shift = float(values[0])
+            self.shift = float(1.0 / values[0])
             self._prepare()
             self._start = self._pencil.solve(equation.inertia(self._start))
         options.clock.mark("solver")
@@ -172,16 +172,13 @@ class _Search:
         expected = f"at most {_MEMORY:.0%} of the free memory: fewer modes, or a narrower band"
         fits = need <= _MEMORY * host_memory()
         require(fits, f"modes: {count} modes need", f"{need / 1e9:.1f} GB", expected)
-        pairs = davidson(
-            self._pencil, count, 0.25 * self.options.tolerance, self._start, self.options.progress
-        )
+        # twice the error of a frequency is that of lambda, which is more of it than of lambda + s
+        aim = 2.0 * self.options.tolerance / (1.0 + _FAR if self.shift else 1.0)
+        pairs = davidson(self._pencil, count, AIM * aim, self._start, self.options.progress)
         self._start = pairs.vectors
-        equation = self.equation
-        values, rows = rayleigh_ritz(equation, equation.stiffness_by_deformation, pairs.vectors)
-        size = np.maximum(np.abs(values), 1e-300)
-        rounding = np.linalg.norm(rows * equation.rounding_by_deformation(rows), axis=1) / size
-        error = 0.5 * (pairs.error / pairs.values / size + rounding)
-        return _Elastic(values, rows, error, pairs.converged, pairs.steps)
+        mu, rows, rounding = sharpened(self.equation, self.equation.inertia, pairs.vectors, aim)
+        error = 0.5 * (pairs.error * mu / pairs.values + rounding)
+        return _Elastic(1.0 / mu, rows / np.sqrt(mu[:, None]), error, pairs.converged, pairs.steps)
 
     def up_to(self, value: float, found: _Elastic) -> _Elastic:
         """All with lambda up to a ``value``, and some beyond, beginning with what was found."""
@@ -194,31 +191,6 @@ class _Search:
             count = min(2 * count, _MOST, most)
             found = self.lowest(count)
         return found
-
-
-def definite_solver(equation: EquationOfMotion, shift: float, options: Options) -> ShiftedSolver:
-    """Of K + ``shift`` M, which can solve with it: cycles can't where a body is nearly
-    incompressible."""
-    solver = ShiftedSolver(equation, shift, options)
-    if solver.exact or not solver.plan.stiff_in_bulk or options.method == "multigrid":
-        return solver
-    direct = solver.plan.direct()
-    if direct is None or not direct.fits:
-        raise NotConverged(
-            "modes: a nearly incompressible body; got factors that don't fit the memory; expected "
-            "fewer unknowns, or a smaller Poisson's ratio: multigrid doesn't solve for its modes"
-        )
-    return ShiftedSolver(equation, shift, replace(options, method="direct"))
-
-
-def rayleigh_ritz(
-    equation: EquationOfMotion, stiffness: Callable[[Float], Float], rows: Float
-) -> tuple[Float, Float]:
-    """Values (k,) of K x = lambda M x in the span of ``rows`` (k,3N), ascending, and its vectors,
-    orthonormal in the mass."""
-    energy, inertia = rows @ stiffness(rows).T, rows @ equation.inertia(rows).T
-    values, shares = eigh(0.5 * (energy + energy.T), 0.5 * (inertia + inertia.T))
-    return values, shares.T @ rows
 
 
 def _result(search: _Search, found: _Elastic, limits: Float | None, points: Float) -> Modes:

@@ -1,0 +1,53 @@
+"""Buckling loads and shapes by linear theory, and how far they can be trusted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gpusim.arrays.array_types import Float
+from gpusim.fem.model.model import Model
+from gpusim.fem.model.solution import Solution
+from gpusim.field_summary import field_summary
+
+
+@dataclass(frozen=True, eq=False)
+class Buckling:
+    """Load factors at which a body has a second equilibrium beside the first (linear buckling).
+
+    factors : (n,) times the load, the lowest positive ones first; fewer than asked for where there
+        are no more.
+    shapes : (n,N,3), each with a greatest displacement of 1.
+    reversed_factor : (negative) at which the load the other way around buckles the body, or before;
+        -inf where it doesn't.
+    error_estimate : (n,) estimated relative error of the factors as the mesh has them.
+    converged : no estimate is above the tolerance asked for.
+    solution : linear statics under the load itself.
+    unknowns, steps, message, warnings, timings, method, reasons, model : as `gpusim.Modes` has
+        them.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(1, 0.1, 0.1), divisions=(8, 1, 1))
+    >>> fixed = np.isclose(bar.points[:, :1], 0.0).repeat(3, axis=1)
+    >>> end = gs.mesh.select_faces(bar, name="x_max")
+    >>> push = gs.fem.traction(bar, end, (-1e8, 0, 0))
+    >>> gs.buckling(gs.Model(bar, gs.Isotropic(210e9, 0.3), fixed, push), count=2).factors.round(2)
+    array([4.36, 4.36])
+    """
+
+    factors: Float
+    shapes: Float
+    reversed_factor: float
+    error_estimate: Float
+    converged: bool
+    solution: Solution
+    unknowns: int
+    steps: int
+    message: str
+    warnings: tuple[str, ...]
+    timings: dict[str, float]
+    method: str
+    reasons: tuple[str, ...] = ()
+    model: Model | None = None
+
+    __repr__ = field_summary
