@@ -149,11 +149,11 @@ def deep_beam(kind: str = "hex20", divisions: Divisions = (10, 2, 2)) -> Model:
     return Model(mesh, STEEL, forces=forces, constraints=[equations(mesh, rows)])
 
 
-def deep_beam_modes(kind: str = "hex20", divisions: Divisions = (10, 2, 2)) -> ModalCase:
+def deep_beam_modes(kind: str, divisions: Divisions, formulation: str) -> ModalCase:
     """NAFEMS' Test 5, free."""
     expected = np.array([42.650, 42.650, 71.20, 125.00, 148.15, 148.15, 213.61, 283.47, 283.47])
-    return ModalCase("NAFEMS Test 5, deep beam", deep_beam(kind, divisions), "full", expected,
-                     "NAFEMS R0016")  # fmt: skip
+    return ModalCase("NAFEMS Test 5, deep beam", deep_beam(kind, divisions), formulation,
+                     expected, "NAFEMS R0016")  # fmt: skip
 
 
 def _shares(mesh: Mesh, x: float, side: str) -> Float:
