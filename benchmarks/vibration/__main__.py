@@ -15,8 +15,12 @@ def main() -> None:
     parser.add_argument("--case", default="", metavar="TEXT", help="part of the cases' names")
     parser.add_argument("--only", choices=("accuracy", "dense", "speed", "steps"),
                         help="one table of these; default all")  # fmt: skip
-    parser.add_argument("--size", choices=SIZES, action="append",
-                        help="unknowns of the tables of speed; repeatable, default small")  # fmt: skip
+    parser.add_argument(
+        "--size",
+        choices=SIZES,
+        action="append",
+        help="unknowns of the tables of speed; repeatable, default small",
+    )
     parser.add_argument("--modes", type=int, default=10, metavar="N", help="modes to find")
     parser.add_argument("--steps", type=int, default=200, metavar="N", help="steps of time")
     parser.add_argument("--repeat", type=int, default=2, help="runs of which the best counts")

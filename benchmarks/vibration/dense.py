@@ -91,7 +91,9 @@ def _tied() -> Model:
     return Model(mesh, _STEEL, fixed, constraints=[joined(mesh)])
 
 
-def _row(case: SmallCase, model: Model, frequencies: Float, shapes: Float, source: str) -> list[str]:
+def _row(
+    case: SmallCase, model: Model, frequencies: Float, shapes: Float, source: str
+) -> list[str]:
     """``frequencies`` and ``shapes`` of the reference, more than are asked for."""
     try:
         found = modes(model, case.count, formulation=case.formulation, method=case.method)

@@ -62,8 +62,14 @@ def _eigensolver(folder: str, name: str, count: int, limit: float) -> Run:
     python = os.environ.get(variable, default)
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
     try:
-        done = subprocess.run([python, str(_SCRIPT), folder, name, str(count)], timeout=limit,
-                              capture_output=True, text=True, env=environment, check=False)  # fmt: skip
+        done = subprocess.run(
+            [python, str(_SCRIPT), folder, name, str(count)],
+            timeout=limit,
+            capture_output=True,
+            text=True,
+            env=environment,
+            check=False,
+        )
     except FileNotFoundError:
         return Run(program, failed="missing")
     except subprocess.TimeoutExpired:
@@ -118,8 +124,15 @@ def _calculix(
         (Path(folder) / "model.inp").write_text("\n".join(lines) + "\n")
         used, wall = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
         try:
-            done = subprocess.run([program, "model"], cwd=folder, capture_output=True, text=True,
-                                  env={**os.environ, **_THREADS}, timeout=limit, check=False)  # fmt: skip
+            done = subprocess.run(
+                [program, "model"],
+                cwd=folder,
+                capture_output=True,
+                text=True,
+                env={**os.environ, **_THREADS},
+                timeout=limit,
+                check=False,
+            )
         except subprocess.TimeoutExpired:
             return Run(name, failed=f"stopped after {limit:g} s"), ""
         wall, now = time.perf_counter() - wall, resource.getrusage(resource.RUSAGE_CHILDREN)

@@ -94,7 +94,9 @@ def best_modes(case: SpeedCase, count: int, repeat: int) -> tuple[Run, Modes]:
         found = modes(case.model, count, formulation=case.rules)
         runs.append((time.process_time() - processor, time.perf_counter() - wall))
     program = f"gpusim, {found.method}"
-    return Run(program, found.frequencies, *min(runs), "" if found.converged else found.message), found
+    return Run(
+        program, found.frequencies, *min(runs), "" if found.converged else found.message
+    ), found
 
 
 def _row(
@@ -108,7 +110,13 @@ def _row(
     stated = "" if found is None else f"{found.error_estimate.max():.0e}"
     share = own.processor / run.processor
     times = [f"{run.processor:.2f}", f"{run.wall:.2f}"]
-    return [*head, *times, error, stated, run.failed or f"{share:.0%}, {own.wall / run.wall:.0%} wall"]
+    return [
+        *head,
+        *times,
+        error,
+        stated,
+        run.failed or f"{share:.0%}, {own.wall / run.wall:.0%} wall",
+    ]
 
 
 def _error(values: Float, reference: Float) -> str:
@@ -128,7 +136,8 @@ _PERIOD = 100.0
 def steps_speed(
     size: str, name: str, count: int, peers: bool, limit: float, theirs: int = 10
 ) -> Iterator[list[str]]:
-    """A load that acts at once, ``count`` steps of the trapezoidal rule; CalculiX takes ``theirs``."""
+    """``count`` steps of the trapezoidal rule under a load that acts at once; CalculiX takes
+    ``theirs``."""
     for case in speed_cases(size, name):
         if case.name.startswith("bracket"):
             continue

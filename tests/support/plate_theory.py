@@ -1,7 +1,7 @@
 """Natural frequencies of skew plates by Ritz's method with Legendre polynomials, up to its limit.
 
-Thin by Kirchhoff's theory, thick as the solid that it is: frequencies come down to the exact ones as
-``count``, the polynomials each way, grows.
+Thin by Kirchhoff's theory, thick as the solid that it is: frequencies come down to the exact ones
+as ``count``, the polynomials each way, grows.
 """
 
 from __future__ import annotations

@@ -86,7 +86,7 @@ def free_plate(kind: str, divisions: Divisions, formulation: str) -> ModalCase:
 
 def cantilever_plate(kind: str, divisions: Divisions, formulation: str) -> ModalCase:
     """FV16."""
-    mesh = _graded(kind, divisions, 0.05, along=1.0)
+    mesh = _graded(kind, divisions, 0.05)
     fixed = np.repeat(mesh.points[:, :1] == 0.0, 3, axis=1)
     expected = thin_plate(_plate(0.05), (2, 0), (0, 0), 20)[:6]
     published = np.array([0.421, 1.029, 2.582, 3.306, 3.753, 6.555])
@@ -97,7 +97,7 @@ def cantilever_plate(kind: str, divisions: Divisions, formulation: str) -> Modal
 def rhombic_plate(kind: str, divisions: Divisions, formulation: str) -> ModalCase:
     """FV22: thick, at 45 degrees, clamped. What is published is Mindlin's theory, whose clamped
     sides are softer than those of a solid."""
-    mesh = _graded(kind, divisions, 1.0, along=1.0)
+    mesh = _graded(kind, divisions, 1.0)
     points = mesh.points.copy()
     fixed = np.repeat(_sides(points, (10.0, 10.0))[:, None], 3, axis=1)
     fixed[np.isclose(points[:, 2], 0.5), :2] = True
@@ -105,15 +105,16 @@ def rhombic_plate(kind: str, divisions: Divisions, formulation: str) -> ModalCas
     points[:, 1] *= np.sqrt(0.5)
     expected = clamped_solid(_plate(1.0, 45.0), 12, 3)[:5]
     published = np.array([133.95, 201.41, 265.81, 282.74, 334.45])
-    return ModalCase("FV22 clamped thick rhombic plate", Model(Mesh(points, mesh.cells), STEEL,
-                     fixed), formulation, expected, "elasticity, Ritz", published=published)  # fmt: skip
+    model = Model(Mesh(points, mesh.cells), STEEL, fixed)
+    return ModalCase("FV22 clamped thick rhombic plate", model, formulation, expected,
+                     "elasticity, Ritz", published=published)  # fmt: skip
 
 
 def _plate(thickness: float, angle: float = 90.0) -> SkewPlate:
     return SkewPlate(10.0, 10.0, thickness, STEEL.E, STEEL.nu, STEEL.density, angle)
 
 
-def _graded(kind: str, divisions: Divisions, thickness: float, along: float) -> Mesh:
+def _graded(kind: str, divisions: Divisions, thickness: float) -> Mesh:
     """A square of 10, its cells thin at the sides."""
     mesh = bar(kind, (2.0, 2.0, thickness), divisions)
     points = mesh.points.copy()

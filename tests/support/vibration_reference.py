@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -161,4 +162,4 @@ def clusters(frequencies: Float, apart: float = 1e-4) -> list[slice]:
     size = np.maximum(np.abs(frequencies[1:]), 1e-300)
     cuts = np.flatnonzero(np.diff(frequencies) > apart * size) + 1
     ends = [0, *cuts.tolist(), len(frequencies)]
-    return [slice(first, last) for first, last in zip(ends, ends[1:], strict=False)]
+    return [slice(first, last) for first, last in pairwise(ends)]
