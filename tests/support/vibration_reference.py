@@ -39,8 +39,9 @@ class DenseModes:
         """(n,) of nodal forces (N,3)."""
         return np.tensordot(self.shapes, forces, axes=2)
 
-    def harmonic(self, forces: Float, frequencies: Float, ratio: float) -> Complex:
-        """(F,N,3) amplitudes under forces (N,3) at ``frequencies`` (F,) Hz."""
+    def harmonic(self, forces: Float, frequencies: Float, ratio: float | Float) -> Complex:
+        """(F,N,3) amplitudes under forces (N,3) at ``frequencies`` (F,) Hz; damping ``ratio`` of
+        all, or (n,)."""
         omega = 2.0 * np.pi * np.asarray(frequencies)[:, None]
         rest = self.angular**2 - omega**2 + 2j * ratio * self.angular * omega
         return np.tensordot(self.forces(forces) / rest, self.shapes, axes=1)
