@@ -85,7 +85,10 @@ if _typing.TYPE_CHECKING:
     from gpusim.fem import Solution as Solution
     from gpusim.fem import StructuralDamping as StructuralDamping
     from gpusim.fem import buckling as buckling
+    from gpusim.fem import frequency_response as frequency_response
+    from gpusim.fem import harmonic as harmonic
     from gpusim.fem import modes as modes
+    from gpusim.fem import random_response as random_response
     from gpusim.field import Field as Field
     from gpusim.field import read_field as read_field
     from gpusim.files.frame_source import FrameSource as FrameSource
@@ -140,7 +143,8 @@ _HOMES = {
     ),
     "gpusim.fem": (
         "Buckling Hencky Isotropic J2 ModalDamping Model Modes NeoHookean Orthotropic Rayleigh "
-        "SaintVenantKirchhoff Solution StructuralDamping buckling modes"
+        "SaintVenantKirchhoff Solution StructuralDamping buckling frequency_response harmonic "
+        "modes random_response"
     ),
     "gpusim.field": "Field read_field",
     "gpusim.files.frame_source": "FrameSource read_frames",

@@ -96,11 +96,8 @@ def _strips() -> Iterator[LargeCase]:
     for stiff in ("root", "tip"):
         build = partial(uneven_strip, 1e6, stiff, "direct")
         yield LargeCase("E contrast 1e6", f"stiff {stiff}", build, 1e-3, quick=stiff == "tip")
-    yield LargeCase("E contrast 1e6", "stiff root, multigrid",
-                    partial(uneven_strip, 1e6, "root", "multigrid"))  # fmt: skip
-    yield LargeCase("E contrast 1e6", "stiff tip, multigrid",
-                    partial(uneven_strip, 1e6, "tip", "multigrid"), 1e-3, TOLD,
-                    "stiffnesses in the ratio")  # fmt: skip
+        yield LargeCase("E contrast 1e6", f"stiff {stiff}, multigrid",
+                        partial(uneven_strip, 1e6, stiff, "multigrid"))  # fmt: skip
     yield LargeCase("ties", "meshes that match", partial(tied_strip, (40, 1, 1), (40, 1, 1)))
     yield LargeCase("ties", "3x3 follow 2x2", partial(tied_strip, (40, 2, 2), (40, 3, 3)),
                     quick=True)  # fmt: skip
@@ -153,7 +150,7 @@ def _turns() -> Iterator[LargeCase]:
     """Pressures that follow, ends that are turned, fibres that turn."""
     for parameter in (12.0, 30.0):
         yield LargeCase("following pressure", f"strip, {parameter:g}", lambda p=parameter:
-                        question_of(following_pressure("hex8", (100, 1, 1), p)))  # fmt: skip
+                        question_of(following_pressure("hex8", (200, 1, 1), p)))  # fmt: skip
     yield LargeCase("following pressure", "a cube under water, just held", partial(sunk_cube, 0.3),
                     1e-6, quick=True)  # fmt: skip
     for nu in (0.49, 0.4999):
@@ -163,7 +160,7 @@ def _turns() -> Iterator[LargeCase]:
         roll_up("hex8", (50, 1, 1), 0.5, 2)))  # fmt: skip
     yield LargeCase("end led", "half a turn in one step", lambda: replace(
         question_of(roll_up("hex8", (50, 1, 1), 0.5, 1)), expected=np.full((1, 2), np.nan)),
-        1e-3, WARNED, UNSTABLE)  # fmt: skip
+        1e-3, TOLD, INSIDE_OUT)  # fmt: skip
     for degrees in (90.0, 180.0):
         yield LargeCase("orthotropic", f"turned by {degrees:g} degrees",
                         partial(turned_fibres, degrees), 2e-3, quick=degrees == 90.0)  # fmt: skip

@@ -9,6 +9,7 @@ Float = npt.NDArray[np.float64]
 Single = npt.NDArray[np.float32]
 Real = npt.NDArray[np.floating]
 """float64 or float32."""
+Complex = npt.NDArray[np.complex128]
 Int = npt.NDArray[np.int32]
 Long = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]

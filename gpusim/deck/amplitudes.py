@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,8 +27,8 @@ class Scale:
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """A time: the value of each amplitude (the first is 1), and how much of the step is over by
-    then as ramps count it, 0 to 1."""
+    """A time: the value of each amplitude, the first of which all follow that follow none, and how
+    much of the step is over by then as ramps count it, 0 to 1."""
 
     factors: Float
     share: float = 1.0
@@ -35,7 +36,7 @@ class Moment:
     def of(self, new: Float | float, follows: Int | int, old: Float | float) -> Float:
         """Loads, of values ``new``, that follow an amplitude, or ramp up from ``old``."""
         ramp = (1.0 - self.share) * old + self.share * new
-        return np.where(follows, new * self.factors[follows], ramp)
+        return np.where(follows, new * self.factors[follows], self.factors[0] * ramp)
 
 
 class Ramped:
@@ -93,20 +94,37 @@ class Interval:
 
 
 @dataclass(frozen=True, eq=False)
+class Course:
+    """The factors ``at`` times (T,); of loads given in ``step``, 0: in any."""
+
+    at: Callable[[Float], Float]
+    step: int
+
+
+@dataclass(frozen=True, eq=False)
 class _Amplitude:
     times: Float
     factors: Float
     number: int  # 0: over the time of the step in which a load is given
+    step: int = 0  # over the time of which it is; 0: over the total time
 
-    def at(self, time: float) -> float:
-        return float(np.interp(time, self.times, self.factors))
+    def at(self, time: Float | float) -> Float:
+        return np.asarray(np.interp(time, self.times, self.factors))
 
     def within(self, step: Interval, number: int) -> _Amplitude:
         """The same over total time, in a step, and as it is at its end from then on."""
         inside = self.times < step.period
         times = np.append(self.times[inside], step.period)
         factors = np.append(self.factors[inside], self.at(step.period))
-        return _Amplitude(step.begin + times, factors, number)
+        return _Amplitude(step.begin + times, factors, number, step.number)
+
+
+class _Acceleration(_Amplitude):
+    """Of a harmonic motion over frequency in Hz."""
+
+    def at(self, time: Float | float) -> Float:
+        square = (2.0 * np.pi * np.asarray(time)) ** 2
+        return -super().at(time) / np.where(square > 0.0, square, np.inf)
 
 
 class Amplitudes:
@@ -153,6 +171,20 @@ class Amplitudes:
     def factors(self, time: float) -> Float:
         """Value at a total time of each amplitude that is followed; the first is 1."""
         return np.array([1.0, *(one.at(time) for one in self.following)])
+
+    def integrated(self, scale: Scale) -> Scale:
+        """What moves harmonically with the acceleration that follows an amplitude."""
+        own = self.following[scale.follows - 1]
+        count = len(self.following) + 1
+        self.following.append(_Acceleration(own.times, own.factors, count, own.step))
+        return Scale(count, scale.step)
+
+    def courses(self) -> list[tuple[Moment, Course]]:
+        """What follows nothing, and what follows each amplitude: a moment at which nothing else is
+        there, and its factors over total time."""
+        every = [_Amplitude(np.zeros(1), np.ones(1), 0), *self.following]
+        moments = map(Moment, np.eye(len(every)))
+        return [(moment, Course(one.at, one.step)) for moment, one in zip(moments, every)]
 
     def corners(self, step: Interval, first: float) -> Float:
         """Total times in a step at which what is followed bends, and the end of its ``first``

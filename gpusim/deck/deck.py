@@ -13,9 +13,10 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.deck.initial_state import point_stresses
 from gpusim.deck.load_path import LoadPath
+from gpusim.deck.procedures import Reached, Result, Static
 from gpusim.deck.step import Step
 from gpusim.errors import InputError
-from gpusim.fem import Material, Model, Solution, solve
+from gpusim.fem import Material, Model, Rayleigh, Solution, solve
 from gpusim.field_summary import field_summary
 from gpusim.gpu import Device
 from gpusim.mesh import Mesh
@@ -25,7 +26,7 @@ from gpusim.validation import require, unmasked
 @unmasked()
 @dataclass(frozen=True, eq=False)
 class Deck:
-    """A static analysis as an input file describes it; units are the file's.
+    """An analysis as an input file describes it; units are the file's.
 
     It is ``nonlinear`` with NLGEOM, and with *PLASTIC or *HYPERELASTIC also without: all of it is
     then solved at large displacements, in one analysis in which each step goes on from the one
@@ -43,6 +44,9 @@ class Deck:
         forces of the file are in these; models and solutions here are in global axes.
     initial_stress : cell type -> (M,Q,6) at the integration points; types without any are absent.
     ignored : keywords that were read over: output requests and what can't change the result.
+    initial_motion : displacement and velocity (N,3) at the beginning.
+    damping, loss_factor : of *DAMPING; the first is that of *DYNAMIC, the second of *STEADY STATE
+        DYNAMICS.
 
     Examples
     --------
@@ -64,6 +68,9 @@ class Deck:
     node_axes: Mapping[int, Float]
     initial_stress: Mapping[str, Float]
     ignored: Sequence[str]
+    initial_motion: tuple[Float, Float]
+    damping: Rayleigh
+    loss_factor: float = 0.0
     nonlinear: bool = False
     __repr__ = field_summary
 
@@ -82,7 +89,7 @@ class Deck:
                     f"Deck.model: steps {chosen[0].number} and {step.number} hold different "
                     "degrees of freedom; expected steps with the same supports and constraints"
                 )
-        return self._model(chosen)
+        return self.model_of(chosen)
 
     def solve(
         self,
@@ -92,8 +99,10 @@ class Deck:
         backend: str = "auto",
         method: str = "auto",
         progress: Callable[[int, float], None] | None = None,
-    ) -> tuple[Solution, ...]:
-        """The solution of each step; ``u`` is (N,3).
+    ) -> tuple[Result, ...]:
+        """The result of each step: of *STATIC a `Solution`, whose ``u`` is (N,3), of *FREQUENCY
+        `Modes`, of *BUCKLE `Buckling`, of *MODAL DYNAMIC and *DYNAMIC a `History`, and of *STEADY
+        STATE DYNAMICS a `HarmonicResponse`.
 
         Steps with the same supports and constraints are solved together as load cases; those of a
         nonlinear deck one after the other, and ``Solution.steps`` are the load steps of each. If
@@ -109,19 +118,26 @@ class Deck:
             method=method,
             progress=progress,
         )
-        if self.nonlinear:
-            path = LoadPath(self.steps)
-            model = self._model(path.states)
-            return path.solutions(solved(model, geometry="nonlinear", factors=path.factors))
         found: dict[int, Solution] = {}
-        waiting = list(self.steps)
+        waiting = [step for step in self.steps if isinstance(step.procedure, Static)]
+        if self.nonlinear and waiting:
+            path = LoadPath(waiting)
+            whole = solved(self.model_of(path.states), geometry="nonlinear", factors=path.factors)
+            found = {
+                one.number: own for one, own in zip(waiting, path.solutions(whole), strict=True)
+            }
+            waiting = []
         while waiting:
             first = waiting[0]
             group = [step for step in waiting if step.held_as(first)]
             waiting = [step for step in waiting if step not in group]
-            both = solved(self._model(group))
+            both = solved(self.model_of(group))
             found |= {step.number: _case(both, k) for k, step in enumerate(group)}
-        return tuple(found[step.number] for step in self.steps)
+        results: list[Result] = []
+        for step in self.steps:
+            reached = Reached(self, found, tuple(results), tolerance)
+            results.append(step.procedure.solve(step, reached))
+        return tuple(results)
 
     def point_stress(self, number: int, u: npt.ArrayLike | Solution) -> Mapping[str, Float]:
         """Stress at the integration points of each element for ``u`` (N,3) of step ``number``, or
@@ -150,7 +166,8 @@ class Deck:
         require(1 <= number <= len(self.steps), "Deck: step", repr(number), expected)
         return self.steps[number - 1]
 
-    def _model(self, steps: Sequence[Step]) -> Model:
+    def model_of(self, steps: Sequence[Step]) -> Model:
+        """With what acts in each of some ``steps`` that hold the same as a load case."""
         following: dict[str, Any] = {}
         if self.nonlinear:
             loads = [replace(load, case=k) for k, step in enumerate(steps) for load in step.loads]

@@ -105,6 +105,13 @@ class Forces:
         self.bodies: list[_BodyLoad] = []
         self.loose = {int(node): "" for node in mesh.dangling_nodes}  # and where a force is given
 
+    def clear(self) -> None:
+        self.clear_nodal()
+        self.clear_distributed()
+
+    def clear_nodal(self) -> None:
+        self.nodal.clear()
+
     def clear_distributed(self) -> None:
         self.pressures.clear()
         for load in self.bodies:

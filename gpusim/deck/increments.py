@@ -18,8 +18,9 @@ _GROWTH = 1.5
 @dataclass(frozen=True)
 class Increments:
     """Of *STATIC: the ``first`` one, the ``period`` of the step, the ``longest`` one; ``equal``:
-    none is longer than the first (DIRECT). At most so ``many``, INC of *STEP, which also says
-    whether loads without an amplitude are there ``at_once``, by the end of the first increment."""
+    none is longer than the first (DIRECT); else so many are ``alike`` before they grow. At most so
+    ``many``, INC of *STEP, which also says whether loads without an amplitude are there
+    ``at_once``, by the end of the first increment."""
 
     first: float = 1.0
     period: float = 1.0
@@ -27,12 +28,13 @@ class Increments:
     equal: bool = False
     many: int = 100
     at_once: bool = False
+    alike: int = 1
 
     @classmethod
     def read(cls, static: Card, step: Card) -> Increments:
         """Of the cards of a step. Raises InputError."""
         many = whole(step.parameters.get("INC") or str(cls.many), step.where())
-        equal = "DIRECT" in static.parameters
+        equal = static.parameters.get("DIRECT", "NO").upper() != "NO"
         at_once = step.parameters.get("AMPLITUDE", "").upper() == "STEP"
         for line, row in static.rows():
             where = static.where(line)
@@ -57,7 +59,8 @@ class Increments:
                     "longer ones, or INC=number"
                 )
             ends.append(ends[-1] + length)
-            length = length if self.equal else max(min(_GROWTH * length, self.longest), self.first)
+            if not self.equal and len(ends) > self.alike:
+                length = max(min(_GROWTH * length, self.longest), self.first)
         return np.append(ends[1:-1], self.period)
 
 

@@ -1,8 +1,8 @@
-"""Stress that is there before the first step, and stress and forces of a temperature."""
+"""Stress and motion that are there before the first step, and what a temperature does."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from typing import Protocol
 
@@ -19,6 +19,7 @@ from gpusim.mesh import Mesh
 from gpusim.mesh.formats.abaqus.cards import Card, number, whole
 from gpusim.mesh.quadrature import cell_rule
 from gpusim.mesh.shape_functions import shape_functions
+from gpusim.validation import require
 
 # CalculiX gives xx yy zz xy xz yz, we have xx yy zz xy yz zx.
 _ORDER = [0, 1, 2, 3, 5, 4]
@@ -71,6 +72,29 @@ class InitialStress:
                 )
                 add_to(forces, block, -held)
         return forces
+
+
+class InitialMotion:
+    """*INITIAL CONDITIONS, TYPE=DISPLACEMENT and VELOCITY: ``u`` and ``v`` (N,3) in global axes."""
+
+    def __init__(self, body: Body) -> None:
+        self.body = body
+        self.u, self.v = np.zeros((2, body.mesh.node_count, 3))
+        self.where = ""
+
+    def read(self, card: Card, turned: Iterable[int]) -> None:
+        """Node or node set, degree of freedom, value; nodes that are ``turned`` are refused, as
+        programs differ about their axes. Raises InputError."""
+        values = self.v if card.parameters["TYPE"].upper() == "VELOCITY" else self.u
+        for where, row in card.records(3, 3, "node or set, degree of freedom, value"):
+            nodes, axis = self.body.content.node_rows(row[0], where), whole(row[1], where)
+            require(1 <= axis <= 3, f"{where}: degree of freedom", axis, "1, 2 or 3")
+            own = not np.isin(nodes, [*turned]).any()
+            require(
+                own, f"{where}: nodes", "some with *TRANSFORM", "nodes without axes of their own"
+            )
+            values[nodes, axis - 1] = number(row[2], where)
+            self.where = where
 
 
 _CHUNK = 8192

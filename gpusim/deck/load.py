@@ -46,6 +46,7 @@ _READ = MESH_KEYWORDS | read_parameters(
         "MATERIAL": "NAME",
         "ELASTIC": "TYPE",
         "DENSITY": "",
+        "DAMPING": "ALPHA BETA STRUCTURAL",
         "EXPANSION": "TYPE ZERO",
         "PLASTIC": "HARDENING=ISOTROPIC",
         "HYPERELASTIC": "NEOHOOKE",
@@ -58,11 +59,18 @@ _READ = MESH_KEYWORDS | read_parameters(
         "INITIALCONDITIONS": "TYPE",
         "STEP": "NAME INC AMPLITUDE NLGEOM UNSYMM PERTURBATION",
         "STATIC": "SOLVER DIRECT TIMERESET TOTALTIMEATSTART",
+        "FREQUENCY": "SOLVER STORAGE GLOBAL",
+        "BUCKLE": "SOLVER",
+        "MODALDYNAMIC": "SOLVER DIRECT=YES/",
+        "STEADYSTATEDYNAMICS": "SOLVER HARMONIC=YES",
+        "DYNAMIC": "SOLVER DIRECT ALPHA",
+        "MODALDAMPING": "RAYLEIGH",
+        "BASEMOTION": "DOF AMPLITUDE TYPE=DISPLACEMENT/ACCELERATION",
         "ENDSTEP": "",
         "BOUNDARY": "OP=NEW/MOD AMPLITUDE TYPE=DISPLACEMENT",
-        "CLOAD": "OP=NEW/MOD AMPLITUDE",
-        "DLOAD": "OP=NEW/MOD AMPLITUDE",
-        "DSLOAD": "OP=NEW/MOD AMPLITUDE",
+        "CLOAD": "OP=NEW/MOD AMPLITUDE LOADCASE",
+        "DLOAD": "OP=NEW/MOD AMPLITUDE LOADCASE",
+        "DSLOAD": "OP=NEW/MOD AMPLITUDE LOADCASE",
         "TEMPERATURE": "OP=NEW/MOD AMPLITUDE",
     }
 )
@@ -72,7 +80,7 @@ _IGNORED = frozenset(
     """
     HEADING PREPRINT RESTART OUTPUT NODEFILE NODEPRINT NODEOUTPUT ELFILE ELPRINT ELEMENTOUTPUT
     ENERGYOUTPUT CONTACTOUTPUT CONTACTFILE CONTACTPRINT FACEPRINT SECTIONPRINT FILEFORMAT
-    FILEOUTPUT MONITOR PRINT TIMEPOINTS CONTROLS CONDUCTIVITY SPECIFICHEAT DAMPING
+    FILEOUTPUT MONITOR PRINT TIMEPOINTS CONTROLS CONDUCTIVITY SPECIFICHEAT
     PHYSICALCONSTANTS SURFACEINTERACTION SURFACEBEHAVIOR FRICTION SECTIONCONTROLS
     """.split()
 )
@@ -100,8 +108,8 @@ def check_keywords(cards: Sequence[Card]) -> tuple[str, ...]:
         elif card.keyword not in _READ:
             known = [*_READ, *_IGNORED]
             faults.append(
-                f"{card.where()}: not supported; expected a deck of *STATIC steps on solid "
-                f"elements{nearest(card.keyword, known)}"
+                f"{card.where()}: not supported; expected a deck of static steps, or "
+                f"of vibration, on solid elements{nearest(card.keyword, known)}"
             )
         else:
             faults.extend(parameter_faults(card, _READ))
@@ -193,6 +201,9 @@ def load_deck(source: Source) -> Deck:
         steps=tuple(history.steps),
         node_axes=axes.rows,
         initial_stress=history.stress.values,
+        initial_motion=(history.motion.u, history.motion.v),
+        damping=body.damping,
+        loss_factor=body.loss_factor,
         nonlinear=body.nonlinear,
         ignored=ignored,
     )

@@ -11,7 +11,15 @@ from scipy.linalg import block_diag
 
 from gpusim.arrays.array_types import Float, Int
 from gpusim.errors import InputError
-from gpusim.fem import J2, IsochoricNeoHookean, Isotropic, Material, SaintVenantKirchhoff, Update
+from gpusim.fem import (
+    J2,
+    IsochoricNeoHookean,
+    Isotropic,
+    Material,
+    Rayleigh,
+    SaintVenantKirchhoff,
+    Update,
+)
 from gpusim.fem.materials.cauchy_green import tensor_components
 from gpusim.fem.materials.linear_elasticity import LinearElasticity
 from gpusim.fem.materials.symmetric_tensors import strain_congruence
@@ -66,7 +74,8 @@ class AnisotropicSaintVenantKirchhoff(Anisotropic):
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """What a deck's loads act on; ``nonlinear``: on the deformed body."""
+    """What a deck's loads act on; ``nonlinear``: on the deformed body. ``damping`` is that of
+    *DYNAMIC, the ``loss_factor`` that of *STEADY STATE DYNAMICS."""
 
     content: InpContent
     labelled: LabelledMesh
@@ -74,6 +83,8 @@ class Body:
     material_of_cell: Int
     formulation: Mapping[str, str]
     nonlinear: bool
+    damping: Rayleigh
+    loss_factor: float
 
     @property
     def mesh(self) -> Mesh:
@@ -97,6 +108,7 @@ class _Material:
     flow: Sequence[tuple[float, float]] = ()
     rubber: tuple[float, float] | None = None
     density: float = 0.0
+    loss_factor: float = 0.0
     expansion: Float = field(default_factory=lambda: np.zeros(3))
 
 
@@ -109,6 +121,7 @@ class Sections:
         self.orientations: Names[Float | None] = Names("orientation")
         self.sections: list[Card] = []
         self.current: _Material | None = None
+        self.rayleigh = {"ALPHA": 0.0, "BETA": 0.0}
 
     def readers(self) -> dict[str, Callable[[Card], None]]:
         """Keyword -> the method that reads its card."""
@@ -116,6 +129,7 @@ class Sections:
             "MATERIAL": self._material,
             "ELASTIC": self._elastic,
             "DENSITY": self._density,
+            "DAMPING": self._damping,
             "EXPANSION": self._expansion,
             "PLASTIC": self._plastic,
             "HYPERELASTIC": self._hyperelastic,
@@ -131,6 +145,7 @@ class Sections:
         found: dict[tuple[str, str], int] = {}
         of_set: dict[str, Card] = {}
         materials: list[Material] = []
+        losses: dict[float, Card] = {}
         of_cell = np.full(labelled.mesh.cell_count, -1, dtype=np.int32)
         for card in self.sections:
             where = card.where()
@@ -142,6 +157,7 @@ class Sections:
                 axes = self.orientations.get(turned, where) if turned else np.eye(3)
                 materials.append(_finished(material, named, axes, where))
                 found[key] = len(materials) - 1
+                losses.setdefault(material.loss_factor, card)
             name = card.parameters.get("ELSET", "")
             cells = self.content.cell_sets.get(name, where)
             other = of_set.setdefault(name.upper(), card)
@@ -157,8 +173,14 @@ class Sections:
             )
         deflects |= any(isinstance(one, J2 | IsochoricNeoHookean) for one in materials)
         if deflects:
-            materials = [_at_finite_strain(one) for one in materials]
-        return Body(self.content, labelled, materials, of_cell, formulation, deflects)
+            materials = [at_finite_strain(one) for one in materials]
+        if len(losses) > 1:
+            *_, card = losses.values()
+            card.fail(f"materials of different STRUCTURAL damping; got {[*losses]}; expected one")
+        damping, (loss_factor,) = Rayleigh(*self.rayleigh.values()), losses
+        return Body(
+            self.content, labelled, materials, of_cell, formulation, deflects, damping, loss_factor
+        )
 
     def _material(self, card: Card) -> None:
         name = card.parameters.get("NAME", "")
@@ -198,6 +220,17 @@ class Sections:
 
     def _density(self, card: Card) -> None:
         self._own(card).density = float(_constant(card, 1, "a density")[0])
+
+    def _damping(self, card: Card) -> None:
+        """ALPHA and BETA hold for all materials, as in CalculiX."""
+        material, where = self._own(card), card.where()
+        for name, text in card.parameters.items():
+            value = number(text, where)
+            require(value >= 0.0, f"{where}: {name}", f"{value:g}", "a number >= 0")
+            if name == "STRUCTURAL":
+                material.loss_factor = value
+            else:
+                self.rayleigh[name] = value
 
     def _expansion(self, card: Card) -> None:
         material = self._own(card)
@@ -245,7 +278,7 @@ class Sections:
         self.orientations.define(name, frame.axes, card.where())
 
 
-def _at_finite_strain(material: Material) -> Material:
+def at_finite_strain(material: Material) -> Material:
     """As CalculiX has linear elasticity with NLGEOM: on Green-Lagrange strain."""
     if isinstance(material, Isotropic):
         return SaintVenantKirchhoff(material.E, material.nu, material.density, material.expansion)

@@ -1,14 +1,21 @@
-"""What acts at the end of a step of a deck, and on the way there."""
+"""What acts at the end of a step of a deck, on the way there, and what is done with it."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float
+from gpusim.deck.amplitudes import Course
 from gpusim.fem import Equations, FollowerPressure
+from gpusim.fem.model.damping import Damping
 from gpusim.field_summary import field_summary
+
+if TYPE_CHECKING:
+    from gpusim.deck.procedures import Procedure
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +33,10 @@ class Step:
     of the ``path`` on the way to this one included; ``increments`` (K,) are the times of the load
     steps that are solved for, the end of the step the last of them.
 
+    ``procedure`` is what the step does. In one in which the body moves, what acts is the sum of the
+    cases of ``motion``, and the ``increments`` are instants; ``damping`` is that of its modes.
+    ``perturbation``: about the state of the static step before.
+
     Examples
     --------
     >>> step = gs.load_deck("bricks.inp").steps[0]
@@ -41,9 +52,13 @@ class Step:
     forces: Float
     temperature: Float | None
     constraints: tuple[Equations, ...]
+    procedure: Procedure
     loads: tuple[FollowerPressure, ...] = ()
     path: tuple[Step, ...] = ()
     increments: Float = field(default_factory=lambda: np.zeros(0))
+    motion: Motion | None = None
+    damping: Damping | None = None
+    perturbation: bool = False
     __repr__ = field_summary
 
     def forces_at(self, points: Float) -> Float:
@@ -53,3 +68,24 @@ class Step:
     def held_as(self, other: Step) -> bool:
         """Whether both hold the same degrees of freedom, by the same constraints."""
         return np.array_equal(self.fixed, other.fixed) and self.constraints == other.constraints
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing acts and nothing is moved."""
+        acts = self.forces.any() or self.prescribed.any() or self.loads
+        return not (acts or (self.temperature is not None and self.temperature.any()))
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What acts in the course of time, or of frequency: ``cases``, each times its course; of the
+    ``quadrature`` ones a quarter of a period ahead. ``begin``: its first instant."""
+
+    begin: float
+    cases: Sequence[Step]
+    courses: Sequence[Course]
+    quadrature: Sequence[bool]
+
+    def factors(self, at: Float) -> Float:
+        """(T,L) of the cases."""
+        return np.stack([course.at(at) for course in self.courses], axis=-1)

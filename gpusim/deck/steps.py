@@ -4,20 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
 from gpusim.arrays.array_types import Float, Long
 from gpusim.deck.amplitudes import Amplitudes, Interval, Moment, Ramped, Scale
 from gpusim.deck.constraints import Axes, Constraints, read_tie
+from gpusim.deck.dynamics import Dynamics
 from gpusim.deck.forces import Forces, following_pressures, pressure_forces
 from gpusim.deck.increments import Increments, merged
-from gpusim.deck.initial_state import InitialStress, temperature_forces
+from gpusim.deck.initial_state import InitialMotion, InitialStress, temperature_forces
 from gpusim.deck.materials import Body
-from gpusim.deck.step import Step
+from gpusim.deck.modal_dynamics import ModalDynamics, SteadyState, read_modal_damping
+from gpusim.deck.procedures import Frequency, LinearBuckling, Procedure, Static, last_static
+from gpusim.deck.step import Motion, Step
 from gpusim.fem import FollowerPressure
 from gpusim.fem.model.constraints import touched
-from gpusim.mesh.formats.abaqus.cards import Card, number
+from gpusim.fem.model.damping import Damping
+from gpusim.mesh.formats.abaqus.cards import Card, number, whole
 from gpusim.validation import require
 
 
@@ -26,8 +31,19 @@ class _Open:
     """The step being read; ``seen`` holds the keywords of its loads: OP counts at their first."""
 
     card: Card
-    increments: Increments | None = None
+    procedure: Procedure | None = None
+    perturbation: bool = False
     seen: set[str] = field(default_factory=set)
+
+
+_PROCEDURES: dict[str, Callable[[Card, Card], Procedure]] = {
+    "STATIC": Static.read,
+    "FREQUENCY": Frequency.read,
+    "BUCKLE": LinearBuckling.read,
+    "MODALDYNAMIC": ModalDynamics.read,
+    "STEADYSTATEDYNAMICS": SteadyState.read,
+    "DYNAMIC": Dynamics.read,
+}
 
 
 class History:
@@ -41,9 +57,10 @@ class History:
     def __init__(self, body: Body, axes: Axes) -> None:
         self.body = body
         self.constraints = Constraints(body.content, axes)
-        self.forces = Forces(body, axes)
+        self.forces, self.quadrature = Forces(body, axes), Forces(body, axes)
         nodes = body.mesh.node_count
-        self.stress = InitialStress(body)
+        self.stress, self.motion = InitialStress(body), InitialMotion(body)
+        self.damping: Damping | None = None
         self.initial = np.zeros(nodes)
         self.temperature: Ramped | None = None
         self.amplitudes = Amplitudes()
@@ -60,20 +77,28 @@ class History:
             "TIE": self._tie,
             "BOUNDARY": self._boundary,
             "STEP": self._step,
-            "STATIC": self._static,
+            **dict.fromkeys(_PROCEDURES, self._procedure),
+            "MODALDAMPING": self._modal_damping,
+            "BASEMOTION": self._base_motion,
             "ENDSTEP": self._end,
-            "CLOAD": self._loads(self.forces.read_nodal, self.forces.nodal.clear),
-            "DLOAD": self._loads(self.forces.read_distributed, self.forces.clear_distributed),
-            "DSLOAD": self._loads(self.forces.read_surface, self.forces.clear_distributed),
+            "CLOAD": self._loads(Forces.read_nodal, Forces.clear_nodal),
+            "DLOAD": self._loads(Forces.read_distributed, Forces.clear_distributed),
+            "DSLOAD": self._loads(Forces.read_surface, Forces.clear_distributed),
             "TEMPERATURE": self._temperature,
         }
 
     def _loads(
-        self, read: Callable[[Card, Scale], None], clear: Callable[[], None]
+        self, read: Callable[[Forces, Card, Scale], None], clear: Callable[[Forces], None]
     ) -> Callable[[Card], None]:
         def reader(card: Card) -> None:
-            self._renew(card, clear)
-            read(card, self._scale(card))
+            forces, case = self.forces, card.parameters.get("LOADCASE", "1")
+            if case != "1":
+                harmonic = isinstance(self._inside(card).procedure, SteadyState)
+                expected = "1, or 2 in a step with *STEADY STATE DYNAMICS"
+                require(harmonic and case == "2", f"{card.where()}: LOAD CASE", case, expected)
+                forces = self.quadrature
+            self._renew(card, partial(clear, forces))
+            read(forces, card, self._scale(card))
 
         return reader
 
@@ -92,13 +117,17 @@ class History:
         step.seen.add(group)
 
     def _scale(self, card: Card) -> Scale:
-        increments = self._inside(card).increments
-        if increments is None and card.parameters.get("AMPLITUDE", ""):
-            card.fail("an amplitude before *STATIC, which says how long the step is; expected it "
-                      "after that")  # fmt: skip
-        return self.amplitudes.scale(card, self._interval(increments or Increments()))
+        procedure = self._inside(card).procedure
+        if procedure is None and card.parameters.get("AMPLITUDE", ""):
+            card.fail("an amplitude before the procedure, which says how long the step is; "
+                      "expected it after that")  # fmt: skip
+        return self.amplitudes.scale(card, self._interval(procedure))
 
-    def _interval(self, increments: Increments) -> Interval:
+    def _interval(self, procedure: Procedure | None) -> Interval:
+        if isinstance(procedure, SteadyState):
+            # what amplitudes are over
+            return Interval(len(self.steps) + 1, 0.0, procedure.greatest)
+        increments = Increments() if procedure is None else procedure.increments
         return Interval(len(self.steps) + 1, self.time, increments.period)
 
     def _initial(self, card: Card) -> None:
@@ -107,8 +136,12 @@ class History:
             require(not self.body.nonlinear, f"{card.where()}: in a nonlinear deck", kind, "none")
             self.stress.read(card)
             return
+        if kind in ("DISPLACEMENT", "VELOCITY"):
+            self.motion.read(card, self.constraints.axes.rows)
+            return
         if kind != "TEMPERATURE":
-            card.fail(f"TYPE={kind} isn't supported; expected TEMPERATURE or STRESS")
+            card.fail(f"TYPE={kind} isn't supported; expected TEMPERATURE, STRESS, DISPLACEMENT "
+                      "or VELOCITY")  # fmt: skip
         for nodes, value in self._node_values(card):
             self.initial[nodes] = value
 
@@ -142,86 +175,170 @@ class History:
             card.fail(
                 f"inside of a step; expected *END STEP for the step of line {self.open.card.line}"
             )
-        if "PERTURBATION" in card.parameters and (self.steps or self.body.nonlinear):
-            # about a first step, a perturbation means that step's stress stiffness in CalculiX,
-            # and its loads don't act: the first step of a linear analysis has neither
-            card.fail("PERTURBATION about an earlier step, or of a nonlinear deck; expected it in "
-                      "the first one of a linear deck")  # fmt: skip
         self.open = _Open(card)
 
-    def _static(self, card: Card) -> None:
+    def _procedure(self, card: Card) -> None:
         step = self._inside(card)
-        step.increments = Increments.read(card, step.card)
+        step.procedure = procedure = _PROCEDURES[card.keyword](card, step.card)
+        step.perturbation = "PERTURBATION" in step.card.parameters
+        problem = procedure.unfit(self.steps, step.perturbation)
+        if step.perturbation and self.body.nonlinear and not self.steps:
+            problem = "PERTURBATION in the first step of a nonlinear deck; expected it later"
+        if self.motion.where and not (self.steps or isinstance(procedure, Dynamics)):
+            problem = (f"displacements or velocities at the beginning ({self.motion.where}); "
+                       "expected *DYNAMIC in the first step")  # fmt: skip
+        if problem:
+            card.fail(problem)
+        # what a state is stressed by isn't there again for perturbations of it
+        again = any(one.perturbation and one.procedure.moves for one in self.steps)
+        if procedure.fresh or (step.perturbation and procedure.moves and not again):
+            self.forces.clear()
+            self.quadrature.clear()
+            if self.temperature is not None:
+                self.temperature.clear()
+            if step.perturbation:
+                self.constraints.given.clear()
+
+    def _modal_damping(self, card: Card) -> None:
+        self._inside(card)
+        self.damping = read_modal_damping(card)
+
+    def _base_motion(self, card: Card) -> None:
+        """All supports in a direction move alike, those in the others rest."""
+        step = self._inside(card)
+        if not isinstance(step.procedure, ModalDynamics | SteadyState):
+            card.fail("outside of modal superposition; expected *MODAL DYNAMIC or *STEADY STATE "
+                      "DYNAMICS before it in the step")  # fmt: skip
+        where, kind = card.where(), card.parameters.get("TYPE", "DISPLACEMENT").upper()
+        axis = whole(card.parameters.get("DOF", "0"), where)
+        require(1 <= axis <= 3, f"{where}: DOF", axis, "1, 2 or 3")
+        named = card.parameters.get("AMPLITUDE", "")
+        require(bool(named), f"{where}: AMPLITUDE", "none", "the name of one")
+        turned = bool(self.constraints.axes.rows)
+        require(not turned, f"{where}: supports", "some in turned axes", "none with *TRANSFORM")
+        scale = self.amplitudes.scale(card, self._interval(step.procedure))
+        if kind == "ACCELERATION":
+            swept = isinstance(step.procedure, SteadyState) and step.procedure.least > 0.0
+            require(swept, f"{where}: TYPE", kind, "DISPLACEMENT but in steady states above 0 Hz")
+            scale = self.amplitudes.integrated(scale)
+        if card.keyword not in step.seen:
+            self.constraints.given.clear()
+        step.seen.add(card.keyword)
+        self.constraints.given.put((self.constraints.fixed[:, axis - 1], axis - 1), 1.0, scale)
 
     def _end(self, card: Card) -> None:
         step = self._inside(card)
         self.open = None
-        increments = step.increments
-        if increments is None:
-            step.card.fail("no procedure; expected *STATIC in the step")
-        interval = self._interval(increments)
-        self.time += increments.period
-        on_the_way = self._on_the_way(increments, interval)
-        *path, state = (self._state(step, interval, time) for time in (*on_the_way, self.time))
-        for one in (*path, state) if self.body.nonlinear else ():
-            if not one.held_as((*self.steps, *path, state)[0]):
+        procedure = step.procedure
+        if procedure is None:
+            step.card.fail("no procedure; expected *STATIC, or another one, in the step")
+        interval, begin = self._interval(procedure), self.time
+        self.time += procedure.increments.period
+        on_the_way = self._on_the_way(procedure, interval)
+        *path, state = (
+            replace(
+                self._state(step, self._moment(procedure, interval, time), self.forces), time=time
+            )
+            for time in (*on_the_way, self.time)
+        )
+        motion = self._motion(step, interval) if procedure.moves else None
+        of_motion = [] if motion is None else motion.cases
+        for one in (*path, state, *of_motion) if self.body.nonlinear else of_motion:
+            if not one.held_as((*self.steps, *path, state)[0] if self.body.nonlinear else state):
                 step.card.fail(
                     "holds other degrees of freedom or displacements in turned axes than what is "
                     "before; expected the same in all steps of a nonlinear deck (*BOUNDARY and "
                     "*EQUATION before the first step, with other values inside of steps)"
                 )
-        wanted = np.array([self.time])
-        if self.body.has_history or (self.body.nonlinear and increments.equal):
-            wanted = interval.begin + increments.ends(step.card)
+        about = last_static(self.steps) if step.perturbation else None
+        for other in (about, procedure.superposes(self.steps)):
+            if other is not None and not state.held_as(other):
+                step.card.fail(f"other supports than in step {other.number}, about which it is, or "
+                               "whose modes it superposes; expected the same")  # fmt: skip
+        increments, wanted = procedure.increments, np.array([self.time])
+        stepped = self.body.has_history or (self.body.nonlinear and increments.equal)
+        if stepped or procedure.moves:
+            wanted = begin + increments.ends(step.card)
             wanted[-1] = self.time
         wanted = merged(on_the_way, wanted, increments.period)
-        self.steps.append(replace(state, path=tuple(path), increments=wanted))
+        self.steps.append(
+            replace(
+                state,
+                path=tuple(path),
+                increments=wanted,
+                motion=motion,
+                damping=self.damping,
+                perturbation=step.perturbation,
+            )
+        )
         moment = Moment(self.amplitudes.factors(self.time))
         self.forces.end(moment)
         self.constraints.given.end(moment)
         if self.temperature is not None:
             self.temperature.end(moment)
 
-    def _on_the_way(self, increments: Increments, interval: Interval) -> Float:
+    def _motion(self, step: _Open, interval: Interval) -> Motion:
+        """What acts in it, sorted by what it follows."""
+        cases, courses, ahead = [], [], []
+        for moment, course in self.amplitudes.courses():
+            # superposition forgets what followed the time of an earlier step, as CalculiX does
+            kept = course.step in (0, interval.number) or isinstance(step.procedure, Dynamics)
+            for ahead, forces in ((False, self.forces), (True, self.quadrature)):
+                case = self._state(step, moment, forces, alone=ahead)
+                if kept and not case.idle:
+                    cases.append(case)
+                    courses.append(course)
+                    ahead.append(number > 0)
+        if not cases:
+            moment, course = self.amplitudes.courses()[0]
+            cases, courses, ahead = [self._state(step, moment, self.forces)], [course], [False]
+        return Motion(interval.begin, cases, courses, ahead)
+
+    def _on_the_way(self, procedure: Procedure, interval: Interval) -> Float:
         """Total times between which the loads of a nonlinear step go straight."""
-        if not self.body.nonlinear:
+        increments = procedure.increments
+        if not self.body.nonlinear or procedure.moves:
             return np.zeros(0)
         first = [interval.begin + increments.first] if increments.at_once else []
         corners = self.amplitudes.corners(interval, increments.first)
         times = merged(np.array(first), corners, interval.period)
         return times[times < self.time - 1e-9 * interval.period]
 
-    def _state(self, step: _Open, interval: Interval, time: float) -> Step:
-        """What acts at a total time of a step."""
-        assert step.increments is not None
-        ended = step.increments.at_once or time == self.time
+    def _moment(self, procedure: Procedure, interval: Interval, time: float) -> Moment:
+        ended = procedure.increments.at_once or time == self.time
         share = 1.0 if ended else (time - interval.begin) / interval.period
-        moment = Moment(self.amplitudes.factors(time), share)
+        return Moment(self.amplitudes.factors(time), share)
+
+    def _state(self, step: _Open, moment: Moment, own: Forces, *, alone: bool = False) -> Step:
+        """What acts at a moment of a step: forces, and unless they are looked at ``alone`` all
+        else."""
+        assert step.procedure is not None
         fixed, prescribed, constraints = self.constraints.assembled(moment)
-        self.forces.refuse_loose(fixed | touched(constraints, fixed.shape))
+        own.refuse_loose(fixed | touched(constraints, fixed.shape))
         change = None
-        if self.temperature is not None:
-            change = self.temperature.at(moment) - self.initial
-        forces, pressed = self.forces.nodal_forces(moment), self.forces.pressed(moment)
+        if self.temperature is not None and not alone:
+            change = self.temperature.at(moment) - moment.factors[0] * self.initial
+        forces, pressed = own.nodal_forces(moment), own.pressed(moment)
         loads: tuple[FollowerPressure, ...] = ()
         if pressed is not None and self.body.nonlinear:
             loads = following_pressures(self.body, *pressed)
         elif pressed is not None:
             forces += pressure_forces(self.body, *pressed)
-        for one in self.forces.body_forces(moment):
+        for one in own.body_forces(moment):
             forces += one
-        if self.stress.values:
-            forces += self.stress.forces()
+        if self.stress.values and not alone:
+            forces += moment.factors[0] * self.stress.forces()
         if change is not None and not self.body.nonlinear:
             forces += temperature_forces(self.body, change)
         return Step(
-            number=interval.number,
+            number=len(self.steps) + 1,
             name=step.card.parameters.get("NAME", ""),
-            time=time,
+            time=self.time,
             fixed=fixed,
-            prescribed=prescribed,
+            prescribed=0.0 * prescribed if alone else prescribed,
             forces=forces,
             temperature=change,
             constraints=constraints,
+            procedure=step.procedure,
             loads=loads,
         )

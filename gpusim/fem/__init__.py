@@ -35,6 +35,7 @@ from gpusim.fem.model.buckling import Buckling
 from gpusim.fem.model.constraints import Equations, equations, tie
 from gpusim.fem.model.damping import ModalDamping, Rayleigh, StructuralDamping
 from gpusim.fem.model.follower_loads import FollowerPressure
+from gpusim.fem.model.harmonic_response import HarmonicResponse
 from gpusim.fem.model.loads import (
     body_force,
     centrifugal,
@@ -51,7 +52,10 @@ from gpusim.fem.model.solution import LoadStep, Solution
 from gpusim.fem.model.supports import symmetry
 from gpusim.fem.model.thermal_loads import thermal
 from gpusim.fem.procedures.buckling import buckling
+from gpusim.fem.procedures.frequency_response import frequency_response
+from gpusim.fem.procedures.harmonic import harmonic
 from gpusim.fem.procedures.modes import modes
+from gpusim.fem.procedures.random_response import RandomResponse, random_response
 from gpusim.fem.procedures.statics import solve
 from gpusim.fem.recovery.stress import Stress, principal, stress, von_mises
 
@@ -61,6 +65,7 @@ __all__ = [
     "Buckling",
     "Equations",
     "FollowerPressure",
+    "HarmonicResponse",
     "Hencky",
     "IsochoricNeoHookean",
     "Isotropic",
@@ -72,6 +77,7 @@ __all__ = [
     "Modes",
     "NeoHookean",
     "Orthotropic",
+    "RandomResponse",
     "Rayleigh",
     "SaintVenantKirchhoff",
     "Solution",
@@ -84,6 +90,8 @@ __all__ = [
     "centrifugal",
     "equations",
     "face_force",
+    "frequency_response",
+    "harmonic",
     "line_force",
     "lumped_mass",
     "mass_matrix",
@@ -91,6 +99,7 @@ __all__ = [
     "nodal_force",
     "pressure",
     "principal",
+    "random_response",
     "solve",
     "stress",
     "symmetry",

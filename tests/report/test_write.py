@@ -40,6 +40,8 @@ from gpusim.report.figures import (
 )
 from gpusim.report.html import SLIDE_BYTES, page_pair, slides_of
 
+pytestmark = pytest.mark.drawn
+
 VOID = {"meta", "link", "img", "input", "br", "source", "hr"}
 
 

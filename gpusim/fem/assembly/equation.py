@@ -181,6 +181,20 @@ class Equation:
             for one, into in zip(self.responses, forces, strict=True)
         ]
 
+    def about_linear(self, u: Float) -> Assembled:
+        """The stiffness about displacements ``u`` (N,3) of linear theory, whose stress is linear in
+        them: the material's there, and of the geometric one what changes its sign with ``u``.
+
+        For total Lagrangian elements without heat, unknowns of their own and loads that follow.
+        """
+        elements = [
+            FormedElements(
+                one.name, one.cells, partial(_about_linear, one, u), one.block.numbers
+            )
+            for one in self.responses
+        ]
+        return Assembled(self._graph.fill(elements), elements, None)
+
     def skew_stiffness(self, u: Float, factors: Float) -> csr_matrix | None:
         """(3N,3N) on what is solved for, of the loads that follow; None where they have a
         potential: it comes from free edges of what is pressed."""
@@ -256,6 +270,18 @@ def _tangents(response: ElementResponse, u: Float, want: Want, forces: Float, wh
     forces[which] = found.reshape(len(which), -1, 3)
     assert matrices is not None
     return matrices
+
+
+def _about_linear(response: ElementResponse, u: Float, which: Long) -> Float:
+    """(m,3k,3k) matrices of some elements."""
+
+    def matrices(at: Float, want: Want) -> Float:
+        _, found = response.response(which, at, want)
+        assert found is not None
+        return found
+
+    geometric = matrices(u, Want.TANGENT) - matrices(-u, Want.TANGENT)
+    return 0.5 * (geometric + matrices(u, Want.MATERIAL) + matrices(-u, Want.MATERIAL))
 
 
 def _symmetric(faces: PressedFaces, points: Float, factor: float, which: Long) -> Float:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, identity, kron
 
 from gpusim.arrays.array_types import Bool, Float
 from gpusim.fem.assembly.assembly import Assembled, assemble, model_lattice
@@ -33,6 +33,7 @@ from gpusim.fem.model.elimination import Elimination, eliminate
 from gpusim.fem.model.mass import ElementMass, check_densities, scalar_mass
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.solution import Solution
+from gpusim.fem.sparse.block_rows import block_matrix
 from gpusim.validation import require
 
 
@@ -144,6 +145,16 @@ class EquationOfMotion:
         numbers; those that are held still move as well."""
         return self._forces(self.shift(1.0).forces(self.inside(a)))
 
+    @property
+    def matrices(self) -> tuple[csr_matrix, csr_matrix]:
+        """K and M (n,n) over the scale, of the n displacements that are solved for."""
+        mass, free = csr_matrix(kron(self.mass, identity(3))), np.flatnonzero(self.unknown)
+        if self._elimination is not None:
+            mass = csr_matrix(self._elimination.matrix.T @ mass @ self._elimination.matrix)
+        both = block_matrix(self._reduced[0].rows).tocsr(), mass
+        stiffness, mass = (csr_matrix(one[free][:, free] / self.scale) for one in both)
+        return stiffness, mass
+
     def _forces(self, f: Float) -> Float:
         """(L,3N) of forces (L,N,3) in the numbers inside."""
         if self._elimination is not None:
@@ -214,10 +225,17 @@ def _tangent(
     u = solution.u if solution.u.ndim == 2 else solution.u.sum(axis=0)
     u = u if numbering is None else numbering.forward(u)
     factors = solution.steps[-1].factors if solution.steps else np.ones(len(model.load_cases))
-    equation.relax(u, factors)
-    still = np.zeros_like(u)
-    tangent = equation.linearised(u, factors)
-    points = model.mesh.points + u
-    system = scaled_system(tangent.assembled, points, equation.free, still[None], still[None])
+    own = {"incompatible", "bbar"} & set(formulation.values())
+    finite = all(one.block.law.finite_strain for one in equation.responses)
+    alone = model.temperature is None and not model.loads
+    if finite and alone and not own and not solution.steps:
+        # linear theory, of laws for large displacements: stress is as linear as displacements
+        assembled = equation.about_linear(u)
+    else:
+        equation.relax(u, factors)
+        assembled = equation.linearised(u, factors).assembled
+    still, points = np.zeros_like(u), model.mesh.points + u
+    system = scaled_system(assembled, points, equation.free, still[None], still[None])
     elements = ElementForces(lambda v: system.apply(v) * system.scale, system.elements.rounding)
-    return tangent.assembled, replace(system, elements=elements), points
+    return assembled, replace(system, elements=elements), points
+

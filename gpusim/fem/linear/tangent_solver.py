@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -106,6 +107,14 @@ class TangentSolver:
         near = self._solver.preconditioner
         return truncated_cg(_product(assembled, system), near, every, _LOOK) is not None
 
+    def definite_anew(self, tangent: Tangent) -> bool:
+        """The same of a tangent that hasn't been solved, with factors or levels of its own."""
+        if self._solver is None:
+            return True
+        still = np.zeros((1, *tangent.u.shape))
+        self._take(tangent, *self._system(tangent, still, still))
+        return self._taken is not None and self.definite(tangent)
+
     def _system(self, tangent: Tangent, forces: Float, given: Float) -> tuple[Assembled, System]:
         """What is solved, less what constraints give up."""
         equation, elimination = self._equation, self._equation.elimination
@@ -120,11 +129,9 @@ class TangentSolver:
     def _take(self, tangent: Tangent, assembled: Assembled, system: System) -> None:
         """Factors or levels of a matrix, unless it turns out to be indefinite."""
         self._taken, self._indefinite = None, None
-        try:
+        with suppress(NotConverged):
             self._update(tangent, assembled, system)
             self._taken = tangent.u
-        except NotConverged:
-            pass
 
     def _take_material_part(self, tangent: Tangent, forces: Float, given: Float) -> None:
         if self._indefinite is not tangent:

@@ -19,4 +19,6 @@ In the order in which data passes:
 - `damping`: Damping: of the Rayleigh kind, mode by mode, or in the material's structure.
 - `modes`: Modes of vibration: frequencies and shapes, and how far they can be trusted.
 - `buckling`: Buckling loads and shapes by linear theory, and how far they can be trusted.
+- `harmonic_response`: Harmonic responses: complex amplitudes of displacements, frequency by
+  frequency.
 """

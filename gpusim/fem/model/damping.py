@@ -4,21 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Protocol
+from typing import Annotated, Protocol, runtime_checkable
 
 import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.validation import Rule, as_float64, checked, require
 
+DAMPINGS = "Rayleigh, ModalDamping or StructuralDamping"
 Amount = Annotated[float, Rule("a number >= 0", lambda value: 0.0 <= value < float("inf"))]
 
 
+@runtime_checkable
 class Damping(Protocol):
     """What all kinds can tell."""
 
     def ratios(self, angular: Float) -> Float:
         """(n,) share of critical damping of modes with ``angular`` (n,) frequencies > 0, rad/s."""
+
+    def dissipation(self, angular: Float, modes: Float) -> Float:
+        """(F,n) imaginary part of dynamic stiffness over modal mass, 1/s^2, of ``modes`` (n,) that
+        vibrate at ``angular`` (F,); both rad/s, from 0 up."""
 
 
 @checked
@@ -38,6 +44,10 @@ class Rayleigh:
     def ratios(self, angular: Float) -> Float:
         """(n,) of ``angular`` (n,) > 0, rad/s."""
         return 0.5 * (self.mass / angular + self.stiffness * angular)
+
+    def dissipation(self, angular: Float, modes: Float) -> Float:
+        """(F,n) of ``modes`` (n,) at ``angular`` (F,), rad/s."""
+        return angular[:, None] * (self.mass + self.stiffness * modes**2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +74,10 @@ class ModalDamping:
         every = np.atleast_1d(np.asarray(self.ratio, dtype=np.float64))
         return np.asarray(every[np.minimum(np.arange(len(angular)), len(every) - 1)])
 
+    def dissipation(self, angular: Float, modes: Float) -> Float:
+        """(F,n) of ``modes`` (n,) at ``angular`` (F,), rad/s."""
+        return 2.0 * self.ratios(modes) * modes * angular[:, None]
+
 
 @checked
 @dataclass(frozen=True)
@@ -82,3 +96,7 @@ class StructuralDamping:
     def ratios(self, angular: Float) -> Float:
         """(n,) of ``angular`` (n,), rad/s."""
         return np.full(len(angular), 0.5 * self.loss_factor)
+
+    def dissipation(self, angular: Float, modes: Float) -> Float:
+        """(F,n) of ``modes`` (n,) at any ``angular`` (F,), rad/s."""
+        return np.tile(self.loss_factor * modes**2, (len(angular), 1))

@@ -8,6 +8,8 @@ In the order in which data passes:
 - `arc_length`: Arc length: the path of equilibria past limit points, where load factors turn back.
 - `load_steps`: Load steps: one equilibrium after another, with smaller steps where Newton's method
   fails, and by arc length past limit points.
+- `load_path_checks`: Checks of a load path that has been followed: what is doubtful about its
+  equilibria, the strains of its last one, its cells and its materials.
 - `nonlinear_static`: Nonlinear statics: equilibrium at large displacements, load step by load step.
 - `statics`: Statics: displacements of a model, by linear theory or at large displacements.
 - `expansion`: What large displacements add to linear ones, to third order in the load.
@@ -19,4 +21,11 @@ In the order in which data passes:
 - `modes`: Modal analysis: natural frequencies and mode shapes, K u = omega^2 M u.
 - `buckling`: Linear buckling: factors of the load at which stiffness is lost, (K + factor K_g) u =
   0.
+- `modal_basis`: Modal bases: modes, and what static responses have beyond them.
+- `forced_vibration`: Forced vibration: a model as it is discretised, and the one load that drives it.
+- `harmonic`: Harmonic response: steady vibration under loads, or on a base, that vary as exp(i omega
+  t).
+- `frequency_response`: Frequency-response functions: what one point does per unit of force at another.
+- `random_response`: Random response: stationary vibration under a load, or on a base, known by its
+  spectral density.
 """

@@ -18,73 +18,67 @@ from gpusim.errors import NotConverged
 from gpusim.fem.assembly.equation import Equation, Tangent
 from gpusim.fem.linear.tangent_solver import Correction, TangentSolver
 from gpusim.fem.model.solution import Iteration
-from gpusim.fem.procedures.newton import Controls, error_left, relative_residual
+from gpusim.fem.procedures.newton import Controls, Equilibrium, error_left, relative_residual
 
 # iterations of a step, and how many the length of the next one is chosen for
 _MOST, _WANTED = 15, 5
-_MOST_STEPS, _MOST_CUTS = 150, 12
+_MOST_STEPS = 150
+# of the longest step: one that has to be shorter is held up by something that no step gets past
+_LEAST_LENGTH = 2.0**-12
 # the length of a step changes by this factor at most
 _CHANGE = 2.0
 
 
 @dataclass(frozen=True)
 class LoadPath:
-    """Load factors ``begin`` + s (``target`` - ``begin``), both (L,); the path is in s."""
+    """Load factors from ``begin`` to ``target``, both (L,), in equal shares; the path is in s."""
 
     begin: Float
     target: Float
 
     def factors(self, s: float) -> Float:
         """(L,) of the load cases."""
-        return self.begin + s * (self.target - self.begin)
-
-
-@dataclass(frozen=True, eq=False)
-class PathPoint:
-    """Equilibrium at ``s`` of a load path; from 1 on, a place near the path's end."""
-
-    s: float
-    u: Float
-    iterations: tuple[Iteration, ...]
+        return (1.0 - s) * self.begin + s * self.target
 
 
 def follow_path(
     equation: Equation,
     solver: TangentSolver,
     path: LoadPath,
-    start: PathPoint,
+    start: Equilibrium,
     length: float,
     controls: Controls,
-) -> Iterator[PathPoint]:
+) -> Iterator[Equilibrium]:
     """Equilibria from ``start`` on, about ``length`` (2-norm of displacements) apart at first, and
-    at last a place near where the path first crosses its end.
+    at last a place near where the path first crosses its end, at a share of 1 or more.
 
     The elements are committed at each equilibrium before that: what lies beyond the end is nothing
     that they have been through. Raises NotConverged where steps become too small, or are too many.
     """
     branch = _Branch(equation, solver, path, controls)
-    u, s = start.u, start.s
+    u, s = start.u, start.share
     before: Float | None = None
-    cuts = 0
+    longest = length
     for _ in range(_MOST_STEPS):
         begun = equation.snapshot()
         try:
             du, ds, iterations = branch.step(u, s, before, length)
         except NotConverged as error:
             equation.restore(begun)
-            cuts, length = cuts + 1, 0.5 * length
-            if cuts > _MOST_CUTS:
+            length *= 0.5
+            if length < _LEAST_LENGTH * longest:
                 raise NotConverged(f"by arc length: {error}") from None
             continue
         if s + ds >= 1.0:
             equation.restore(begun)
-            yield PathPoint(s + ds, u + (1.0 - s) / ds * du, iterations)
+            yield Equilibrium(u + (1.0 - s) / ds * du, iterations, s + ds)
             return
-        u, s, before, cuts = u + du, s + ds, du, 0
+        u, s, before = u + du, s + ds, du
         equation.commit(u, path.factors(s))
-        yield PathPoint(s, u, iterations)
+        yield Equilibrium(u, iterations, s)
         change = np.sqrt(_WANTED / len(iterations))
         length *= float(np.clip(change, 1.0 / _CHANGE, _CHANGE))
+        longest = max(longest, length)
     raise NotConverged(f"by arc length: got {_MOST_STEPS} steps; expected fewer")
 
 
@@ -104,7 +98,7 @@ class _Branch:
         equation, controls = self.equation, self.controls
         equation.forget_foretold()
         # the residual is rounding here, and no answer to it is wanted
-        load = self._corrections(self._tangent(u, s), self._load(u)).du[0]
+        load = self._corrections(equation.linearised(u, self.path.factors(s))).du[0]
         size = float(np.linalg.norm(load))
         if size == 0.0:
             raise NotConverged("got a step in which no load grows; expected one that does")
@@ -116,8 +110,8 @@ class _Branch:
         done: list[Iteration] = []
         steps = [float(np.abs(du).max())]
         while len(done) < _MOST:
-            tangent = self._tangent(u + du, s + ds)
-            found = self._corrections(tangent, tangent.residual, self._load(u + du))
+            tangent = equation.linearised(u + du, self.path.factors(s + ds))
+            found = self._corrections(tangent, tangent.residual)
             residual, load = found.du
             share = _root(du, residual, load, length)
             step = residual + share * load
@@ -136,16 +130,10 @@ class _Branch:
             f"got steps of {done[-1].step:.2g} of the displacement after {_MOST} iterations"
         )
 
-    def _tangent(self, u: Float, s: float) -> Tangent:
-        return self.equation.linearised(u, self.path.factors(s))
-
-    def _load(self, u: Float) -> Float:
-        """(N,3) forces that the whole path adds."""
-        return self.equation.external(u, self.path.target - self.path.begin)
-
     def _corrections(self, tangent: Tangent, *forces: Float) -> Correction:
-        """Answers to forces (N,3) with supports at rest."""
-        right = np.stack(forces)
+        """Answers to forces (N,3), and to those that the whole path adds, with supports at rest."""
+        load = self.equation.external(tangent.u, self.path.target - self.path.begin)
+        right = np.stack([*forces, load])
         return self.solver.correction(tangent, right, np.zeros_like(right), self.controls.forcing)
 
 

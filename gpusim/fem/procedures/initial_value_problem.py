@@ -27,7 +27,7 @@ _MISSED = 0.05
 class InitialValueProblem:
     """M a + C v + f_int(u) = the load cases of ``model`` by ``factors`` (R,K), from displacements
     ``u`` and velocities ``v`` (N,3). ``mass_rule`` and ``formulation`` say how M and f_int are
-    found."""
+    found. The first acceleration is what M + ``onset`` K makes of forces that aren't balanced."""
 
     model: Model
     formulation: Mapping[str, str]
@@ -35,6 +35,7 @@ class InitialValueProblem:
     factors: Record
     u: Float
     v: Float
+    onset: float = 0.0
 
     @property
     def linear_equation(self) -> EquationOfMotion:

@@ -13,8 +13,8 @@ from gpusim.errors import NotConverged
 from gpusim.fem.assembly.equation import Equation
 from gpusim.fem.linear.tangent_solver import TangentSolver
 from gpusim.fem.model.solution import Iteration, LoadStep
-from gpusim.fem.procedures.arc_length import LoadPath, PathPoint, follow_path
-from gpusim.fem.procedures.newton import Controls, Steps, equilibrium
+from gpusim.fem.procedures.arc_length import LoadPath, follow_path
+from gpusim.fem.procedures.newton import Controls, Equilibrium, Steps, equilibrium
 from gpusim.fem.recovery.linear_theory import turns_over
 
 # share of a step below which no cut-back is tried
@@ -23,22 +23,44 @@ _LEAST_SHARE = 1.0 / 256.0
 
 @dataclass(eq=False)
 class _Stepping:
-    """Where a load path has been followed to: ``u`` (N,3) at the share ``done`` of it, ``most`` at
-    most, in so many ``substeps``, the last of which moved by ``length`` (2-norm)."""
+    """Where the load paths of an ``equation`` have been followed to: ``u`` (N,3) at the share
+    ``done`` of the last ``path``, ``most`` at most, where ``acting`` (N,3) forces, of loads and
+    ``reactions``, have done ``work``.
 
+    Since the last load step: ``substeps``, with their ``iterations``; ``length`` is the motion of
+    the last one (2-norm).
+    """
+
+    equation: Equation
     path: LoadPath
     u: Float
+    acting: Float
+    reactions: Float = field(init=False)
+    work: float = 0.0
     done: float = 0.0
     most: float = 0.0
-    substeps: int = 0
     length: float = 0.0
+    substeps: int = 0
     iterations: list[Iteration] = field(default_factory=list)
 
-    def move(self, share: float, u: Float, iterations: tuple[Iteration, ...]) -> None:
-        self.length = float(np.linalg.norm(u - self.u))
-        self.u, self.done, self.substeps = u, share, self.substeps + 1
-        self.most = max(self.most, share)
-        self.iterations += iterations
+    def move(self, found: Equilibrium) -> None:
+        factors, way = self.path.factors(found.share), found.u - self.u
+        self.reactions = self.equation.reactions(found.u, factors)
+        acting = self.equation.external(found.u, factors) + self.reactions
+        self.work += 0.5 * float(np.vdot(self.acting + acting, way))
+        self.u, self.acting, self.length = found.u, acting, float(np.linalg.norm(way))
+        self.done, self.most = found.share, max(self.most, found.share)
+        self.substeps += 1
+        self.iterations += found.iterations
+
+    def load_step(self, wanted: bool) -> LoadStep:
+        """What has been moved since the last one."""
+        done, substeps = tuple(self.iterations), self.substeps
+        self.iterations, self.substeps = [], 0
+        factors, error = self.path.factors(self.done), done[-1].error_estimate
+        return LoadStep(
+            factors, self.u, self.reactions, done, error, substeps, wanted, external_work=self.work
+        )
 
 
 def load_steps(
@@ -50,52 +72,46 @@ def load_steps(
 
     Raises NotConverged where none is found: what has been yielded stays right.
     """
-    u, begin = np.zeros_like(equation.model.mesh.points), np.zeros(targets.shape[1])
-    wanted = controls
+    rest = np.zeros_like(equation.model.mesh.points)
+    begin, wanted = np.zeros(targets.shape[1]), controls
+    stepping = _Stepping(equation, LoadPath(begin, begin), rest, rest)
     for number, target in enumerate(targets, start=1):
-        stepping = _Stepping(LoadPath(begin, target), u)
+        stepping.path, stepping.done, stepping.most = LoadPath(begin, target), 0.0, 0.0
         try:
-            for point in _passed(equation, solver, stepping, wanted):
-                yield _step(equation, stepping, stepping.path.factors(point.s), False)
-                stepping.iterations, stepping.substeps = [], 0
+            yield from _passed(solver, stepping, wanted)
         except NotConverged as last:
             where = f"load step {number} of {len(targets)}, at {stepping.done:.3g} of it"
             if stepping.most > stepping.done:
                 where += f", after loads turned back at {stepping.most:.3g} (a limit load?)"
             raise NotConverged(f"{where}: {last}") from None
-        yield _step(equation, stepping, target, True)
-        u, begin = stepping.u, target
         # no stable way leads on from where a body isn't
         stable = controls.stable and stepping.iterations[-1].definite
-        wanted = replace(controls, stable=stable)
+        begin, wanted = target, replace(controls, stable=stable)
+        yield stepping.load_step(True)
 
 
-def _passed(
-    equation: Equation, solver: TangentSolver, stepping: _Stepping, controls: Controls
-) -> Iterator[PathPoint]:
+def _passed(solver: TangentSolver, stepping: _Stepping, controls: Controls) -> Iterator[LoadStep]:
     """To the end of the path, past the points by arc length that are yielded: with stable ends if
     there is such a way."""
-    path = stepping.path
+    equation, path = stepping.equation, stepping.path
     by_forces = equation.by_forces_alone(path.target - path.begin)
     # given motion and heat stress a body at first more than it stays; metal flows
     steady = by_forces and controls.stable and controls.steps is Steps.FORETOLD
     try:
-        _by_halving(equation, solver, stepping, replace(controls, steady=steady))
+        _by_halving(solver, stepping, replace(controls, steady=steady))
         return
     except NotConverged:
         any_end = replace(controls, stable=False)
     if by_forces and stepping.substeps:
-        yield from _by_arc_length(equation, solver, stepping, any_end)
+        yield from _by_arc_length(solver, stepping, any_end)
     else:
-        _by_halving(equation, solver, stepping, any_end)
+        _by_halving(solver, stepping, any_end)
 
 
-def _by_halving(
-    equation: Equation, solver: TangentSolver, stepping: _Stepping, controls: Controls
-) -> None:
+def _by_halving(solver: TangentSolver, stepping: _Stepping, controls: Controls) -> None:
     """To the end of the path: a step in which Newton's method fails is halved until it is found,
     and doubled again after two that were."""
-    share, in_a_row = 1.0, 0
+    equation, share, in_a_row = stepping.equation, 1.0, 0
     while stepping.done < 1.0:
         share = min(share, 1.0 - stepping.done)
         end = stepping.done + share
@@ -115,30 +131,24 @@ def _by_halving(
                 controls, share = replace(controls, steady=False), 1.0
             continue
         equation.commit(found.u, factors)
-        stepping.move(end, found.u, found.iterations)
+        stepping.move(replace(found, share=end))
         in_a_row += 1
         if in_a_row == 2:
             share, in_a_row = 2.0 * share, 0
 
 
 def _by_arc_length(
-    equation: Equation, solver: TangentSolver, stepping: _Stepping, controls: Controls
-) -> Iterator[PathPoint]:
+    solver: TangentSolver, stepping: _Stepping, controls: Controls
+) -> Iterator[LoadStep]:
     """The same past limit points: until the path crosses its end, where Newton's method goes on."""
-    path, start = stepping.path, PathPoint(stepping.done, stepping.u, ())
+    equation, path = stepping.equation, stepping.path
+    start = Equilibrium(stepping.u, (), stepping.done)
     for point in follow_path(equation, solver, path, start, stepping.length, controls):
-        stepping.move(point.s, point.u, point.iterations)
-        if point.s >= 1.0:
-            found = equilibrium(equation, solver, point.u, path.target, controls)
-            equation.commit(found.u, path.target)
-            stepping.move(1.0, found.u, found.iterations)
-            return
-        yield point
-
-
-def _step(equation: Equation, stepping: _Stepping, factors: Float, wanted: bool) -> LoadStep:
-    u, done = stepping.u, stepping.iterations
-    reactions = equation.reactions(u, factors)
-    return LoadStep(
-        factors, u, reactions, tuple(done), done[-1].error_estimate, stepping.substeps, wanted
-    )
+        if point.share < 1.0:
+            stepping.move(point)
+            yield stepping.load_step(False)
+            continue
+        found = equilibrium(equation, solver, point.u, path.target, controls)
+        equation.commit(found.u, path.target)
+        stepping.iterations += point.iterations
+        stepping.move(found)

@@ -105,8 +105,20 @@ class NonlinearMotion:
             self.equation.relax(u, self._factors(time))
         balance = self._balances[time] = self._balance(time, u, v)
         force = balance.external - balance.internal - self._inertia(self._damping.mass * v)
+        if self._problem.onset > 0.0:
+            return State(time, u, v, self._slowed(force, u, time), np.zeros(2))
         x = self._linear.accelerations(equation.forces(force[None]))
         return State(time, u, v, equation.displacements(x)[0], np.zeros(2))
+
+    def _slowed(self, force: Float, u: Float, time: float) -> Float:
+        """(N,3) acceleration by ``force`` at ``u``, where stiffness slows it."""
+        equation, push = self.equation, force[None] / self._problem.onset
+        equation.shift = replace(self._mass, factor=1.0 / self._problem.onset)
+        equation.forces, equation.origin = np.zeros_like(u), u
+        tangent = equation.linearised(u, self._factors(time))
+        solver = TangentSolver(equation, self._options)
+        found = solver.correction(tangent, push, np.zeros_like(push), self._options.tolerance)
+        return found.du[0]
 
     def advance(self, state: State, step: float) -> State:
         """One equilibrium, from the last state."""

@@ -159,10 +159,15 @@ class LinearMotion:
         return State(time, u, v, a, np.zeros(2))
 
     def accelerations(self, force: Float) -> Float:
-        """M^-1 ``force``, by conjugate gradients that are scaled by the diagonal.
+        """M^-1 ``force``, by conjugate gradients that are scaled by the diagonal; or (M + onset K)^-1
+        of it.
 
         Raises NotConverged where the mass isn't positive definite.
         """
+        onset = self._problem.onset
+        if onset > 0.0:
+            solver, right = self._solver(1.0 / onset), force / onset
+            return solver.apply(right) if solver.exact else self._iterated(solver, right, 0.0)
         diagonal = np.repeat(self.equation.mass.diagonal(), 3) / self.equation.scale
         near = _Diagonal(np.where(diagonal > 0.0, diagonal, 1.0))
         found = truncated_cg(self.equation.inertia, near, force, _MASS_TOLERANCE)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
@@ -51,6 +52,8 @@ from gpusim.validation import Count, Rule, Share, checked, is_number, one_of, re
 Tolerance = Annotated[float, Rule("a number in (0, 1)", lambda value: 0.0 < value < 1.0)]
 Progress = Callable[[int, float], None]
 
+# of a step, by which an instant may be past its end
+_SAME = 1e-9
 # steps between two outputs, where nobody says how long they are
 _SUBSTEPS = 4
 # instants of modes, and frames of a body, that are worked on at a time
@@ -94,7 +97,7 @@ def transient(
         if method == "modal":
             found = modes(model, count=count, formulation=names, mass=mass)
             response = modal_superposition(problem, found, damping, options)
-            fields = _superposed(response, at, file)
+            fields = superposed(response, at, file)
         else:
             scheme, rayleigh = Scheme.named(method, spectral_radius), damping or Rayleigh()
             problem.require_fine(first)
@@ -102,7 +105,8 @@ def transient(
             moved: Motion = moving(problem, scheme, rayleigh, options)
             adaptive = step == "adaptive"
             error = tolerance * moved.size(at[-1] - at[0]) if adaptive else np.inf
-            fields = _integrated(moved, StepSize(first, adaptive, error), at, file, progress)
+            steps = partial(time_steps, moved, control=StepSize(first, adaptive, error))
+            fields = integrated(moved, steps, at, file, progress)
     options.clock.mark("response")
     return History(times=at, method=method, timings=options.clock.timings, model=model, **fields)
 
@@ -129,7 +133,7 @@ def _check_damping(damping: Damping | None, method: str, geometry: str) -> None:
         require(damping.stiffness == 0.0, what, got, "stiffness=0: that would damp rotations")
 
 
-def _superposed(response: ModalResponse, times: Float, file: FilePath) -> dict[str, Any]:
+def superposed(response: ModalResponse, times: Float, file: FilePath) -> dict[str, Any]:
     """Fields of a `History`: nothing that is as large as the body is kept for every instant, but in
     a file."""
     parts = np.array_split(times, 1 + len(times) // _INSTANTS)
@@ -159,16 +163,22 @@ def _superposed(response: ModalResponse, times: Float, file: FilePath) -> dict[s
     }
 
 
-def _integrated(
-    motion: Motion, control: StepSize, times: Float, file: FilePath, progress: Progress | None
+def integrated(
+    motion: Motion,
+    steps: Callable[[State], Iterable[tuple[State, float]]],
+    times: Float,
+    file: FilePath,
+    progress: Progress | None,
 ) -> dict[str, Any]:
-    """Fields of a `History`: states one step after the other, as they are at ``times``."""
-    slack, worst, greatest, k = 1e-9 * control.first, 0.0, 0.0, 1
+    """Fields of a `History`: states at ``times``, of the ``steps`` from the first one, and their
+    errors."""
+    worst, greatest, k = 0.0, 0.0, 1
     before = motion.begin(times[0])
     energies: Float | None = motion.energies(before)
     with storage(times, len(motion.displacements(before.u)), file) as fields:
         _keep(fields, 0, motion, before, energies)
-        for number, (after, error) in enumerate(time_steps(motion, before, control), 1):
+        for number, (after, error) in enumerate(steps(before), 1):
+            slack = _SAME * (after.time - before.time)
             worst, greatest = np.fmax(worst, error), max(greatest, float(np.abs(after.u).max()))
             if times[k] > after.time + slack:
                 energies = None

@@ -16,8 +16,8 @@ from gpusim.fem.linear.solve_plan import Clock, Options
 from gpusim.fem.linear.tangent_solver import TangentSolver
 from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.procedures import arc_length
-from gpusim.fem.procedures.arc_length import LoadPath, PathPoint, follow_path
-from gpusim.fem.procedures.newton import Controls, Steps, equilibrium
+from gpusim.fem.procedures.arc_length import LoadPath, follow_path
+from gpusim.fem.procedures.newton import Controls, Equilibrium, Steps, equilibrium
 from tests.support.elastica import clamped_arch
 from tests.support.nonlinear_cases import NonlinearCase, arch_strip, shallow_arch
 
@@ -39,11 +39,11 @@ def prepared(case: NonlinearCase, method: str) -> tuple[Equation, TangentSolver]
     return equation, TangentSolver(equation, options)
 
 
-def followed(case: NonlinearCase, method: str, length: float, most: float) -> list[PathPoint]:
+def followed(case: NonlinearCase, method: str, length: float, most: float) -> list[Equilibrium]:
     """Points up to where the crown has moved by ``most``."""
     equation, solver = prepared(case, method)
     points = []
-    start = PathPoint(0.0, np.zeros(case.model.mesh.points.shape), ())
+    start = Equilibrium(np.zeros(case.model.mesh.points.shape), (), 0.0)
     for point in follow_path(equation, solver, PATH, start, length, CONTROLS):
         points.append(point)
         if case.values(point.u)[0] > most:
@@ -56,7 +56,7 @@ def test_both_branches_of_an_arch(method: str) -> None:
     case = arch(60, 40.0)
     points = followed(case, method, 5.0, 8.5)
     ways = np.array([case.values(point.u)[0] for point in points])
-    loads = 40.0 * np.array([point.s for point in points])
+    loads = 40.0 * np.array([point.share for point in points])
     strip, half_angle = arch_strip()
     fine = np.linspace(0.05, 10.0, 60)
     exact = CubicSpline(fine, clamped_arch(strip, 5.0, half_angle, fine))(ways)
@@ -86,9 +86,11 @@ def test_the_first_crossing_of_a_load_counts_and_is_not_overshot() -> None:
     equation, solver = prepared(case, "direct")
     committed: list[float] = []
     equation.commit = lambda u, _: committed.append(case.values(u)[0])  # type: ignore[method-assign]
-    start = PathPoint(0.0, np.zeros(case.model.mesh.points.shape), ())
+    start = Equilibrium(np.zeros(case.model.mesh.points.shape), (), 0.0)
     *before, last = follow_path(equation, solver, PATH, start, 4.0, CONTROLS)
-    assert last.s >= 1.0 > max(point.s for point in before) and len(committed) == len(before)
+    assert last.share >= 1.0 > max(point.share for point in before) and len(committed) == len(
+        before
+    )
     end = equilibrium(equation, solver, last.u, np.ones(1), CONTROLS)
     assert max(committed) < case.values(end.u)[0] < 1.6
 
@@ -99,11 +101,28 @@ def test_a_path_that_is_too_long_is_given_up(monkeypatch: pytest.MonkeyPatch) ->
         followed(arch(20, 10.0), "direct", 1e-3, 9.0)
 
 
+def test_a_path_that_cannot_get_past_a_place_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Steps that still fit before it are half as long each time, and would go on for ever."""
+    case, tried, real = arch(20, 10.0), [], arc_length._Branch.step
+
+    def step(self, u, *rest):  # type: ignore[no-untyped-def]
+        tried.append(u)
+        du, *found = real(self, u, *rest)
+        if case.values(u + du)[0] > 0.2:
+            raise NotConverged("too far")
+        return du, *found
+
+    monkeypatch.setattr(arc_length._Branch, "step", step)
+    with pytest.raises(NotConverged, match="by arc length: too far"):
+        followed(case, "direct", 2.0, 9.0)
+    assert case.values(tried[-1])[0] == pytest.approx(0.2, rel=1e-2) and len(tried) < 50
+
+
 def test_steps_that_fail_are_shorter_the_next_time() -> None:
     """A first step many times as long as the body can't be made."""
     case = arch(20, 1e7)
     equation, solver = prepared(case, "direct")
-    start = PathPoint(0.0, np.zeros(case.model.mesh.points.shape), ())
+    start = Equilibrium(np.zeros(case.model.mesh.points.shape), (), 0.0)
     point = next(follow_path(equation, solver, PATH, start, 1e4, CONTROLS))
     distance = float(np.linalg.norm(point.u))
     assert distance < 1e4 and np.log2(1e4 / distance) == pytest.approx(
@@ -115,7 +134,7 @@ def test_a_path_along_which_no_load_grows_is_none() -> None:
     case = arch(20, 1.0)
     equation, solver = prepared(case, "direct")
     still = LoadPath(np.ones(1), np.ones(1))
-    start = PathPoint(0.0, np.zeros(case.model.mesh.points.shape), ())
+    start = Equilibrium(np.zeros(case.model.mesh.points.shape), (), 0.0)
     with pytest.raises(NotConverged, match="by arc length: got a step in which no load grows"):
         next(follow_path(equation, solver, still, start, 1.0, CONTROLS))
 

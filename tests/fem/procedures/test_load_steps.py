@@ -68,11 +68,17 @@ def test_failed_steps_are_halved_and_doubled_again(monkeypatch: pytest.MonkeyPat
     done: list[float] = []
     monkeypatch.setattr(load_steps, "equilibrium", failing)
     mesh = box((4.0, 1.0, 1.0), (4, 1, 1))
-    forces = np.where(mesh.points[:, :1] == 4.0, [0.0, 0.0, 1e-3], 0.0)
+    forces = np.where(mesh.points[:, :1] == 4.0, [0.0, 0.0, 4e-3], 0.0)
     fixed = np.repeat(mesh.points[:, :1] == 0.0, 3, axis=1)
-    (step,) = nonlinear(Model(mesh, Isotropic(1.0, 0.3), fixed, forces), 1.0).steps
+    model = Model(mesh, Isotropic(1.0, 0.3), fixed, forces)
+    (step,) = nonlinear(model, 1.0).steps
     assert tried == [1.0, 0.5, 0.25, 0.5, 1.0]
     assert step.substeps == 3 and step.wanted
+    monkeypatch.undo()
+    work = [nonlinear(model, *path).external_work[0] for path in ([1.0], [0.25, 0.5, 1.0])]
+    assert (
+        step.external_work == pytest.approx(work[1], rel=1e-6) != pytest.approx(work[0], rel=1e-3)
+    )
 
 
 def test_points_on_the_way_count_their_own_iterations() -> None:

@@ -10,10 +10,8 @@ import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
-import gpusim as gs
 from gpusim.errors import InputError, NotConverged
 from gpusim.fem import (
-    FollowerPressure,
     Hencky,
     Isotropic,
     Model,
@@ -26,7 +24,7 @@ from gpusim.fem.assembly.element_responses import element_responses
 from gpusim.fem.assembly.equation import Equation
 from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.sparse.block_rows import block_matrix
-from gpusim.mesh import Mesh, box, quadratic, select_faces
+from gpusim.mesh import Mesh, box, select_faces
 from tests.support.nonlinear_cases import (
     PUBLISHED_CANTILEVER,
     NonlinearCase,
@@ -225,62 +223,6 @@ def test_flat_cells_have_no_mode_that_buckles_before_the_body(
     assert np.linalg.eigvalsh(matrix)[0] > 1e-5
 
 
-@pytest.mark.parametrize("method", ["direct", "multigrid"])
-def test_a_body_that_would_buckle_is_told_of(method: str) -> None:
-    case = pressed_column((20, 1, 1), 10.0, 0.0)
-    found = large(case.model, [0.24, 0.251], method=method)
-    wanted = [step for step in found.steps if step.wanted]
-    # the linear estimate is a factor of 0.2467
-    assert [step.iterations[-1].definite for step in wanted] == [True, False]
-    assert "1 load steps, first number 2" in found.warnings[0] and "buckle" in found.warnings[0]
-    assert not large(case.model, [0.24], method=method).warnings
-
-
-def pressed_tube(share: float) -> Model:
-    """A quarter of a long tube under ``share`` of the outer pressure at which it becomes oval, 3 E
-    I / R^3 with E / (1 - nu^2) for E (Timoshenko & Gere, Theory of Elastic Stability, 7.5). By a
-    pressure that keeps its directions it would take 4 E I / R^3."""
-    radius, wall, law = 10.0, 0.5, Isotropic(1000.0, 0.3)
-    flat = quadratic(box((0.5 * np.pi, wall, 1.0), (12, 1, 1)))
-    angle, r = flat.points[:, 0], radius - 0.5 * wall + flat.points[:, 1]
-    round_ = np.stack([r * np.sin(angle), r * np.cos(angle), flat.points[:, 2]], axis=1)
-    mesh = flat.moved(round_ - flat.points)
-    fixed = np.stack([angle == 0.0, angle == 0.5 * np.pi, np.ones(len(r), dtype=bool)], axis=1)
-    critical = 0.25 * law.E / (1.0 - law.nu**2) * (wall / radius) ** 3
-    load = FollowerPressure(select_faces(mesh, name="y_max"), share * critical)
-    return Model(mesh, law, fixed, loads=load)
-
-
-def end_pressed_bar(alpha: float, guided: bool) -> Model:
-    """Clamped bar with a pressure on its end that makes up P L^2 / E I = ``alpha``; nodes of the
-    end move along the bar only, or are free."""
-    mesh = box((100.0, 5.0, 5.0), (20, 1, 1))
-    x = mesh.points[:, 0]
-    fixed = np.stack([x == 0.0, *[(x == 0.0) | guided & (x == 100.0)] * 2], axis=1)
-    load = FollowerPressure(select_faces(mesh, name="x_max"), alpha * 1e4 * 25.0 / 12.0 / 1e4)
-    return Model(mesh, Isotropic(1e4, 0.0), fixed, loads=load)
-
-
-@pytest.mark.parametrize(
-    ("build", "critical"),
-    [(pressed_tube, 1.0), (lambda alpha: end_pressed_bar(alpha, True), 4.493**2)],
-)
-def test_what_follows_with_a_potential_buckles_as_in_the_books(
-    build: Callable[[float], Model], critical: float
-) -> None:
-    below, beyond = (large(build(share * critical), [0.5, 1.0]) for share in (0.97, 1.03))
-    assert not below.warnings and "number 2" in beyond.warnings[0]
-    assert "isn't stable: the body would buckle" in beyond.warnings[0]
-
-
-def test_a_pressure_that_turns_with_a_free_end_does_not_buckle() -> None:
-    """Beck's bar, which has no other equilibrium (and beyond 20.05 E I / L^2 flutters); its
-    stiffness is unsymmetric, and twice Euler's load leaves the symmetric part definite."""
-    assert not large(end_pressed_bar(5.0, False), [0.5, 1.0]).warnings
-    (warning,) = large(end_pressed_bar(19.0, False), [0.2, 1.0]).warnings
-    assert "1 load steps, first number 2" in warning and "may not be stable" in warning
-
-
 def test_steps_before_one_without_equilibrium_are_kept() -> None:
     mesh = box((1.0, 1.0, 1.0), (2, 2, 2))
     ends = (mesh.points[:, :1] == 0.0) | (mesh.points[:, :1] == 1.0)
@@ -308,12 +250,3 @@ def test_factors_of_load_cases_are_asked_for() -> None:
     for factors in (None, [1.0], [[1.0, np.nan]], [[1.0], [2.0]]):
         with pytest.raises(InputError, match=r"solve: factors.*\(K, 2\).*how load cases add up"):
             large(model, factors)
-
-
-def test_metal_in_cells_that_lock_is_warned_of() -> None:
-    steel = gs.J2(gs.Isotropic(210e3, 0.3), 250.0, 2000.0)
-    block = gs.mesh.split(gs.mesh.box((1.0, 1.0, 1.0), (1, 1, 1)), "tet4")
-    fixed = np.repeat(block.points[:, :1] == 0.0, 3, axis=1)
-    model = gs.Model(block, steel, fixed, np.where(fixed, 0.0, 1.0))
-    (told,) = gs.solve(model, geometry="nonlinear").warnings
-    assert told.startswith("6 tet4 ('full') can't flow at constant volume")

@@ -20,6 +20,8 @@ from gpusim.pipeline.scene_objects.surfaces import build_body
 from tests.support.documented_tables import documented_columns, head
 from tests.support.small_scene import small_scene
 
+pytestmark = pytest.mark.drawn
+
 FACTORS = (0.0, -0.5, 0.4, 1.0)
 
 

@@ -48,6 +48,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[gs.Report, Path]:
     return gs.run(scene_of(), out, backend="numpy"), out
 
 
+@pytest.mark.drawn
 def test_it_is_measured_and_reported(done: tuple[gs.Report, Path]) -> None:
     report, out = done
     images = [read_image(out / "images" / "side" / f"{k:04d}.png") for k in range(3)]

@@ -19,6 +19,8 @@ from tests.support.shifted_plate import shifted_plate
 from tests.support.small_scene import small_scene
 from tests.support.speckled_plate import speckled_plate
 
+pytestmark = pytest.mark.drawn
+
 
 @pytest.fixture(scope="module")
 def nearer(tmp_path_factory: pytest.TempPathFactory) -> tuple[gs.Report, Path]:

@@ -20,6 +20,8 @@ from gpusim.export.images import read_image
 from gpusim.pipeline import run
 from tests.support.documented_tables import documented_columns, head
 
+pytestmark = pytest.mark.drawn
+
 SMALL = {
     "camera.side.resolution_px": [900, 360],
     "output.truth": ["reference", "displacement", "depth", "flow", "region", "element",

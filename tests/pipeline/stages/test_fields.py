@@ -17,6 +17,8 @@ from gpusim.plan.decision import decide, states_of
 from gpusim.plan.stages import RunOptions
 from tests.support.small_scene import DOCUMENT, small_scene
 
+pytestmark = pytest.mark.drawn
+
 FACTORS = [0.0, 0.25, 0.5, 1.0]
 
 

@@ -25,6 +25,8 @@ from gpusim.plan.plan import make_plan
 from tests.support.shifted_plate import shifted_plate
 from tests.support.speckled_plate import speckled_plate
 
+pytestmark = pytest.mark.drawn
+
 PAIR = {"cameras": ["left", "right"], "lens": "pinhole"}
 MEASURES: tuple[dict[str, Any], ...] = (
     {"camera": "right"},

@@ -20,6 +20,8 @@ from gpusim.pipeline.measurements.series.placing import ReferencePicture
 from gpusim.pipeline.measurements.series.result import SeriesResult
 from tests.support.speckled_plate import DOCUMENT
 
+pytestmark = pytest.mark.drawn
+
 STRAINS = np.array([0.0, 1e-3, 4e-3])
 """Of the frames, along x; across -0.3 times that."""
 MIDDLE = np.array([30.0, 15.0, 0.5])

@@ -17,6 +17,8 @@ from gpusim.pipeline.measurements.marker_tracking import FirstPicture
 from gpusim.pipeline.measurements.stereo import StereoResult
 from tests.support.documented_tables import documented_columns, head
 
+pytestmark = pytest.mark.drawn
+
 LENS = {"sensor_mm": [36.0, 24.0], "resolution_px": [1050, 700], "focal_mm": 50.0}
 TILTS = ([20, 5, -25], [-25, -10, 15], [15, 12, 28], [-18, 0, -20], [28, -8, 5], [-10, 15, 30])
 CHANGES: dict[str, Any] = {

@@ -1,0 +1,85 @@
+"""Direct integration in time, by the HHT method."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from gpusim.arrays.array_types import Float
+from gpusim.deck.increments import Increments
+from gpusim.deck.procedures import MASS, Procedure, Reached, Static
+from gpusim.deck.step import Step
+from gpusim.fem import Solution
+from gpusim.fem.linear.solve_plan import Clock, Options
+from gpusim.fem.model.history import History, State
+from gpusim.fem.model.record import Record
+from gpusim.fem.procedures.initial_value_problem import InitialValueProblem
+from gpusim.fem.procedures.nonlinear_motion import NonlinearMotion
+from gpusim.fem.procedures.time_integration import LinearMotion, Motion, Scheme
+from gpusim.fem.procedures.transient import integrated
+from gpusim.mesh.formats.abaqus.cards import Card, number
+from gpusim.validation import require
+
+# the parameter of the HHT method, where a deck says none
+_ALPHA = -0.05
+# of an increment: in so much of it CalculiX has the stiffness slow the first acceleration
+_FIRST = 0.1
+
+
+@dataclass(frozen=True)
+class Dynamics(Procedure):
+    """*DYNAMIC: step by step, with the parameter ``alpha``, -1/3 to 0."""
+
+    moves = True
+    alpha: float
+
+    @classmethod
+    def read(cls, card: Card, step: Card) -> Dynamics:
+        """Of the cards of a step. Raises InputError."""
+        increments = replace(Increments.read(card, step), at_once=True, alike=2)
+        alpha = number(card.parameters.get("ALPHA") or str(_ALPHA), card.where())
+        fits = -1.0 / 3.0 <= alpha <= 0.0
+        require(fits, f"{card.where()}: ALPHA", f"{alpha:g}", "-1/3 to 0")
+        return cls(increments, alpha)
+
+    def unfit(self, before: Sequence[Step], perturbation: bool) -> str:
+        """After a state that isn't whole, or gone."""
+        other = any(not isinstance(one.procedure, Static | Dynamics) for one in before)
+        if other or perturbation:
+            return "PERTURBATION, or steps before that aren't *STATIC or *DYNAMIC; expected neither"
+        return ""
+
+    def solve(self, step: Step, reached: Reached) -> History:
+        """From where the steps before have left the body, or as it is at the beginning."""
+        assert step.motion is not None
+        deck, last = reached.deck, reached.before[-1] if reached.before else None
+        times = np.array([step.motion.begin, *step.increments])
+        u, v = deck.initial_motion
+        if isinstance(last, History):
+            u, v = last.u[-1], last.v[-1]
+        elif isinstance(last, Solution):
+            u, v = last.u, np.zeros_like(last.u)
+        factors = Record(times, step.motion.factors(times))
+        model = deck.model_of(step.motion.cases)
+        scheme = Scheme(0.0, -self.alpha, 0.25 * (1.0 - self.alpha) ** 2, 0.5 - self.alpha)
+        share = (1.0 + self.alpha) * scheme.beta * (_FIRST * self.increments.first) ** 2
+        # CalculiX integrates the mass of C3D20R by all points here, that of others as for modes
+        rule = "exact" if deck.formulation.get("hex20") == "reduced" else MASS
+        problem = InitialValueProblem(model, deck.formulation, rule, factors, u, v, share)
+        options = Options(
+            "auto", None, "numpy", reached.tolerance, None, None, None, deck.formulation, Clock()
+        )
+        moving = NonlinearMotion if deck.nonlinear else LinearMotion
+        motion: Motion = moving(problem, scheme, deck.damping, options)
+        fields = integrated(motion, partial(_states, motion, times), times, None, None)
+        return History(times, method="hht", timings=options.clock.timings, model=model, **fields)
+
+
+def _states(motion: Motion, times: Float, state: State) -> Iterator[tuple[State, float]]:
+    """At the ends of increments; their errors aren't looked at."""
+    for time in times[1:]:
+        state = motion.advance(state, time - state.time)
+        yield state, np.nan

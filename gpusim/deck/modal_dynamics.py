@@ -1,0 +1,213 @@
+"""Procedures that superpose modes: in time, and at frequencies.
+
+As in CalculiX the modes are those of the *FREQUENCY before, and no others: nothing stands for what
+they lack of the static answer. Where supports move, their stiffness alone pulls at modes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gpusim.arrays.array_types import Float
+from gpusim.deck.increments import Increments
+from gpusim.deck.procedures import MASS, NONE, Frequency, Procedure, Reached, values
+from gpusim.deck.step import Step
+from gpusim.errors import InputError
+from gpusim.fem import (
+    HarmonicResponse,
+    ModalDamping,
+    Modes,
+    Rayleigh,
+    Solution,
+    StructuralDamping,
+    mass_matrix,
+    solve,
+)
+from gpusim.fem.model.damping import Damping
+from gpusim.fem.model.dead_loads import with_dead_loads
+from gpusim.fem.model.history import History
+from gpusim.fem.model.record import Record
+from gpusim.fem.procedures.modal_superposition import ModalCoordinates, ModalResponse, Oscillators
+from gpusim.fem.procedures.transient import superposed
+from gpusim.mesh.formats.abaqus.cards import Card, number, whole
+from gpusim.validation import require
+
+# of *STEADY STATE DYNAMICS: points between two natural frequencies, and their bias to these
+_POINTS, _BIAS = 20, 3.0
+# of a static answer
+_TOLERANCE = 1e-10
+# nearer to an undamped resonance, relative to its square, the response isn't known
+_RESOLVED = 1e-7
+
+
+def read_modal_damping(card: Card) -> Damping:
+    """*MODAL DAMPING: first and last mode, their share of critical damping; RAYLEIGH: two empty
+    fields, and the shares of mass and stiffness. Raises InputError."""
+    where = card.where()
+    if "RAYLEIGH" in card.parameters:
+        *_, mass, stiffness = values(card, 4)
+        require(min(mass, stiffness) >= 0.0, where, f"{mass:g}, {stiffness:g}", "numbers >= 0")
+        return Rayleigh(mass, stiffness)
+    ratios: list[float] = []
+    for line, row in card.records(3, 3, "first and last mode, ratio"):
+        first = whole(row[0], line)
+        last, ratio = whole(row[1] or row[0], line), number(row[2], line)
+        require(1 <= first <= last, f"{line}: modes", f"{first} to {last}", "numbers that grow")
+        require(0.0 <= ratio < 1.0, f"{line}: ratio", f"{ratio:g}", "0 to below 1")
+        ratios += [0.0] * (last - len(ratios))
+        ratios[first - 1 : last] = [ratio] * (last + 1 - first)
+    return ModalDamping([*ratios, 0.0])
+
+
+class Superposition(Procedure):
+    """Of the modes of the *FREQUENCY before."""
+
+    moves = True
+
+    def unfit(self, before: Sequence[Step], perturbation: bool) -> str:
+        """Without modes, or about another state than theirs."""
+        of = self.superposes(before)
+        if of is None:
+            return "no modes; expected a step with *FREQUENCY before it"
+        same = of.perturbation == perturbation
+        return "" if same else "expected PERTURBATION where *FREQUENCY has it, and only there"
+
+    def superposes(self, before: Sequence[Step]) -> Step | None:
+        """The last step with modes."""
+        found = [one for one in before if isinstance(one.procedure, Frequency)]
+        return found[-1] if found else None
+
+
+@dataclass(frozen=True)
+class ModalDynamics(Superposition):
+    """*MODAL DYNAMIC: loads go straight from the end of an increment to that of the next."""
+
+    @classmethod
+    def read(cls, card: Card, step: Card) -> ModalDynamics:
+        """Of the cards of a step. Raises InputError."""
+        return cls(replace(Increments.read(card, step), equal=True, at_once=True))
+
+    def solve(self, step: Step, reached: Reached) -> History:
+        """From where the step just before has left the body; *FREQUENCY has it rest."""
+        assert step.motion is not None
+        times = np.array([step.motion.begin, *step.increments])
+        factors, loads = step.motion.factors(times), modal_loads(step, reached)
+        modes, last = loads.modes, reached.before[-1]
+        u = v = np.zeros_like(modes.shapes[0])
+        if isinstance(last, History):
+            u, v = last.u[-1], last.v[-1]
+        elif isinstance(last, Solution):
+            u = last.u
+        angular = 2.0 * np.pi * modes.frequencies
+        positive = np.maximum(angular, 1e-100)
+        ratios = 0.0 if step.damping is None else step.damping.ratios(positive)
+        coordinates = ModalCoordinates(
+            Oscillators(angular, 2.0 * ratios * positive),
+            Record(times, factors @ loads.forcing),
+            *shares(reached, modes, np.stack([u, v])),
+        )
+        shapes, cases = np.concatenate([modes.shapes, loads.beyond]), len(loads.beyond)
+        response = ModalResponse(
+            shapes, coordinates, Record(times, factors), np.zeros((cases, cases)), {}
+        )
+        fields = superposed(response, times, None)
+        return History(times, method="modal", timings={}, model=modes.model, **fields)
+
+
+@dataclass(frozen=True)
+class SteadyState(Superposition):
+    """*STEADY STATE DYNAMICS: harmonic motion at frequencies from ``least`` to ``greatest`` Hz:
+    natural ones, and from one of them to the next so many ``points``, the denser near these the
+    greater the ``bias``."""
+
+    fresh = True
+    least: float
+    greatest: float
+    points: int
+    bias: float
+
+    @classmethod
+    def read(cls, card: Card, step: Card) -> SteadyState:
+        """Of the cards of a step. Raises InputError."""
+        least, greatest, points, bias = values(card, 4)
+        got, fits = f"{least:g} to {greatest:g}", 0.0 <= least <= greatest and greatest > 0.0
+        require(fits, f"{card.where()}: band", got, "two frequencies >= 0 that grow")
+        points = max(int(points), 2) if points else _POINTS
+        return cls(NONE, least, greatest, points, bias if bias >= 1.0 else _BIAS)
+
+    def frequencies(self, natural: Float) -> Float:
+        """At which the response is looked for."""
+        inner = natural[(natural > self.least) & (natural < self.greatest)]
+        ends = np.array([self.least, *inner, self.greatest])
+        even = np.linspace(-1.0, 1.0, self.points)[1:-1]
+        biased = np.sign(even) * np.abs(even) ** (1.0 / self.bias)
+        between = 0.5 * (ends[1:] + ends[:-1]) + 0.5 * np.diff(ends) * biased[:, None]
+        return np.unique([*ends, *between.ravel()])
+
+    def solve(self, step: Step, reached: Reached) -> HarmonicResponse:
+        """Raises InputError at a resonance that nothing damps."""
+        assert step.motion is not None
+        loads = modal_loads(step, reached)
+        modes, frequencies = loads.modes, self.frequencies(loads.modes.frequencies)
+        angular, own = 2.0 * np.pi * frequencies, 2.0 * np.pi * modes.frequencies
+        structural = StructuralDamping(reached.deck.loss_factor)
+        lost = structural.dissipation(angular, own)
+        if step.damping is not None:
+            lost = lost + step.damping.dissipation(angular, own)
+        dynamic = own**2 - angular[:, None] ** 2 + 1j * lost
+        known = np.abs(dynamic) > _RESOLVED * own**2
+        if not known.all():
+            at = frequencies[np.argwhere(~known)[0, 0]]
+            raise InputError(
+                f"{reached.deck.path}: step {step.number}: nothing damps a resonance; got "
+                f"{at:.6g} Hz; expected *MODAL DAMPING in the step"
+            )
+        ahead = np.where(step.motion.quadrature, 1j, 1.0)
+        weights = step.motion.factors(frequencies) * ahead
+        coordinates = np.hstack([weights @ loads.forcing / dynamic, weights])
+        shapes = np.concatenate([modes.shapes, loads.beyond])
+        unknown = np.full(len(frequencies), np.nan)
+        assert modes.model is not None
+        return HarmonicResponse(frequencies, coordinates, shapes, unknown, modes.model)
+
+
+@dataclass(frozen=True, eq=False)
+class ModalLoads:
+    """What the cases of a motion do to ``modes``: ``forcing`` (L,n) over modal masses; and what
+    these lack of the displacements that go with moving supports, ``beyond`` (L,N,3)."""
+
+    modes: Modes
+    forcing: Float
+    beyond: Float
+
+
+def modal_loads(step: Step, reached: Reached) -> ModalLoads:
+    """Of a step, for the modes that were found last."""
+    assert step.motion is not None
+    deck, modes = reached.deck, reached.modes
+    model = deck.model_of(step.motion.cases)
+    forces = with_dead_loads(model, deck.formulation).load_cases
+    forcing = np.tensordot(forces, modes.shapes, axes=([1, 2], [1, 2]))
+    moved = model.prescribed_cases.any(axis=(1, 2))
+    beyond = np.zeros_like(forces)
+    if moved.any():
+        pulled = replace(
+            model, forces=0.0 * forces[moved], prescribed=model.prescribed_cases[moved],
+            loads=(), temperature=None,
+        )  # fmt: skip
+        u = solve(pulled, formulation=deck.formulation, tolerance=_TOLERANCE).u
+        own = shares(reached, modes, u)
+        forcing[moved] += own * (2.0 * np.pi * modes.frequencies) ** 2
+        beyond[moved] = u - np.tensordot(own, modes.shapes, axes=1)
+    return ModalLoads(modes, forcing, beyond)
+
+
+def shares(reached: Reached, modes: Modes, u: Float) -> Float:
+    """(L,n) of modes in displacements (L,N,3) of what isn't held."""
+    assert modes.model is not None
+    mass = mass_matrix(modes.model, MASS, reached.deck.formulation)
+    free = np.where(modes.model.fixed, 0.0, u).reshape(len(u), -1)
+    return np.asarray((mass @ free.T).T @ modes.shapes.reshape(len(modes.shapes), -1).T)
