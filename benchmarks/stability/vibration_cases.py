@@ -171,8 +171,8 @@ def joined_along(shared: str) -> Mesh:
 def _free() -> Iterator[VibrationCase]:
     """Free bodies, hinges, mechanisms, motions without stiffness."""
     small = partial(box, (2.0, 1.0, 0.5), (4, 2, 2))
-    yield VibrationCase("free", "a block", partial(beside_dense, lambda: Model(small(), _STEEL), 10),
-                        quick=True)  # fmt: skip
+    yield VibrationCase("free", "a block", partial(
+        beside_dense, lambda: Model(small(), _STEEL), 10), quick=True)  # fmt: skip
     for shared, count in (("nothing", 14), ("edge", 9), ("corner", 11)):
         yield VibrationCase("free", f"two cubes that share {shared}", partial(
             beside_dense, lambda s=shared: Model(joined_along(s), _STEEL), count),

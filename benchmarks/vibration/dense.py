@@ -91,7 +91,7 @@ def _tied() -> Model:
     return Model(mesh, _STEEL, fixed, constraints=[joined(mesh)])
 
 
-def _row(
+def compared(
     case: SmallCase, model: Model, frequencies: Float, shapes: Float, source: str
 ) -> list[str]:
     """``frequencies`` and ``shapes`` of the reference, more than are asked for."""
@@ -118,7 +118,7 @@ def beside_dense(name: str) -> Iterator[list[str]]:
         if name in case.name:
             model = case.build()
             exact = dense_modes(model, case.formulation).lowest(case.count + _BEYOND)
-            yield _row(case, model, exact.frequencies, exact.shapes, "dense")
+            yield compared(case, model, exact.frequencies, exact.shapes, "dense")
     folder = Path(os.environ.get("GPUSIM_REFS", _REFERENCES))
     for path in sorted(folder.glob("*.npz")):
         if name in path.stem:
@@ -137,7 +137,7 @@ def _reference_rows(path: Path) -> Iterator[list[str]]:
         case = SmallCase(f"{path.stem}, {rule}", lambda: model, {kind: rule})
         shapes = _by_shift_and_invert(model, {kind: rule}, case.count + _BEYOND)
         frequencies = rayleigh_frequencies(model, {kind: rule}, shapes)
-        yield _row(case, model, frequencies, shapes, "SuperLU's shapes, in 80 bits")
+        yield compared(case, model, frequencies, shapes, "SuperLU's shapes, in 80 bits")
 
 
 def _by_shift_and_invert(model: Model, rules: dict[str, str], count: int) -> Float:

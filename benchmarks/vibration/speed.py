@@ -8,8 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csr_matrix
 
 from benchmarks.solver.cases import CASES
+from benchmarks.solver.problem import free_matrix
 from benchmarks.vibration.peers import (
     EIGENSOLVERS,
     Run,
@@ -19,8 +21,7 @@ from benchmarks.vibration.peers import (
 )
 from benchmarks.vibration.rayleigh import rayleigh_frequencies
 from gpusim.bench.solver_cases import Case
-from gpusim.fem import Model, Modes, modes, solve
-from gpusim.fem.procedures.transient import transient
+from gpusim.fem import Model, Modes, mass_matrix, modes, solve, transient
 
 Float = npt.NDArray[np.float64]
 
@@ -42,18 +43,35 @@ MODES_HEADINGS = (
 
 @dataclass(frozen=True)
 class SpeedCase:
-    """A model, and the formulation of its cells."""
+    """A case of the solver benchmark, its model with a density, the formulation of its cells."""
 
-    name: str
+    case: Case
     model: Model
     rules: dict[str, str]
 
+    @property
+    def name(self) -> str:
+        """Of the case."""
+        return self.case.name
+
+    @property
+    def unknowns(self) -> str:
+        """As it is written."""
+        return f"{3 * self.model.mesh.node_count - int(np.asarray(self.model.fixed).sum()):,}"
+
+    def matrices(self) -> tuple[csr_matrix, csr_matrix]:
+        """Stiffness and mass of the nodes that aren't clamped, assembled by the benchmarks."""
+        assert self.model.fixed is not None
+        free = np.repeat(~self.model.fixed.all(axis=1), 3)
+        mass = csr_matrix(mass_matrix(self.model)[free][:, free])
+        return free_matrix(self.case, self.model), mass
+
     @classmethod
     def of(cls, case: Case) -> SpeedCase:
-        """A case of the solver benchmark with a density."""
+        """With steel's density."""
         model = case.model()
         steel = replace(case.material, density=DENSITY)
-        return cls(case.name, replace(model, materials=[steel]), {case.kind: case.rule})
+        return cls(case, replace(model, materials=[steel]), {case.kind: case.rule})
 
 
 def speed_cases(size: str, name: str) -> Iterator[SpeedCase]:
@@ -74,10 +92,10 @@ def modes_speed(
         yield _row(case, count, own, reference, own, found)
         if not peers:
             continue
-        others = eigensolvers(case.model, case.rules, count, list(EIGENSOLVERS), limit)
-        others.append(calculix_modes(case.model, case.rules, count, limit))
-        for other in others:
+        for other in eigensolvers(*case.matrices(), count, EIGENSOLVERS, limit):
             yield _row(case, count, own, reference, other, None)
+        other = calculix_modes(case.model, case.rules, count, limit)
+        yield _row(case, count, own, reference, other, None)
 
 
 def reference_frequencies(case: SpeedCase, count: int) -> Float:
@@ -102,8 +120,7 @@ def best_modes(case: SpeedCase, count: int, repeat: int) -> tuple[Run, Modes]:
 def _row(
     case: SpeedCase, count: int, own: Run, reference: Float, run: Run, found: Modes | None
 ) -> list[str]:
-    unknowns = 3 * case.model.mesh.node_count - int(np.asarray(case.model.fixed).sum())
-    head = [case.name, str(count), run.program, f"{unknowns:,}"]
+    head = [case.name, str(count), run.program, case.unknowns]
     if run.values is None:
         return [*head, "", "", "", "", run.failed]
     error = _error(run.values, reference)
@@ -147,19 +164,18 @@ def steps_speed(
         solve(case.model, formulation=case.rules, backend="numpy")
         static = time.process_time() - processor
         own, ours, told = newmark(case, step, count, theirs)
-        unknowns = f"{3 * case.model.mesh.node_count - int(np.asarray(case.model.fixed).sum()):,}"
-        yield [case.name, own.program, unknowns, str(count), f"{own.processor:.2f}",
+        yield [case.name, own.program, case.unknowns, str(count), f"{own.processor:.2f}",
                f"{own.wall:.2f}", f"{1e3 * own.processor / count:.1f}", told,
                f"{own.processor / static:.0f}", "", ""]  # fmt: skip
         if not peers:
             continue
         other = calculix_steps(case.model, case.rules, step, theirs, limit)
         if other.values is None:
-            yield [case.name, other.program, unknowns, str(theirs), *[""] * 6, other.failed]
+            yield [case.name, other.program, case.unknowns, str(theirs), *[""] * 6, other.failed]
             continue
         differs = np.abs(other.values - ours).max() / np.abs(ours).max()
         share = (own.processor / count) / (other.processor / theirs)
-        yield [case.name, other.program, unknowns, str(theirs), f"{other.processor:.2f}",
+        yield [case.name, other.program, case.unknowns, str(theirs), f"{other.processor:.2f}",
                f"{other.wall:.2f}", f"{1e3 * other.processor / theirs:.1f}", "", "",
                f"{differs:.0e}", f"{share:.1%}"]  # fmt: skip
 
