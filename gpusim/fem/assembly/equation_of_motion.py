@@ -119,6 +119,8 @@ class EquationOfMotion:
     def scalar_product(self, matrix: csr_matrix, x: Float) -> Float:
         """(L,3N) what a ``matrix`` (N,N), in the numbers inside and the same for the three
         directions, makes of x (L,3N)."""
+        if not len(x):
+            return x
         u = x.reshape(len(x), -1, 3)
         moved = u if self._elimination is None else self._elimination.displacements(u)
         return self._forces(Shift(self.element_mass, matrix, 1.0).forces(moved))
