@@ -11,15 +11,15 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
+from gpusim.fem.eigenvalues.davidson import Pencil, davidson
+from gpusim.fem.eigenvalues.rayleigh_quotients import AIM, rayleigh_ritz, sharpened
+from gpusim.fem.eigenvalues.rigid_body_modes import RigidBodyModes, rigid_body_modes
 from gpusim.fem.linear.shifted_solver import definite_solver
 from gpusim.fem.linear.solve_plan import METHODS, Clock, Options
 from gpusim.fem.model.mass import MASS_RULES
 from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.model.modes import Modes
 from gpusim.fem.model.solution import Solution
-from gpusim.fem.procedures.davidson import Pencil, davidson
-from gpusim.fem.procedures.rayleigh_quotients import AIM, rayleigh_ritz, sharpened
-from gpusim.fem.procedures.rigid_body_modes import RigidBodyModes, rigid_body_modes
 from gpusim.fem.procedures.statics import Tolerance
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.parallel.machine import host_memory, keep_freed_memory

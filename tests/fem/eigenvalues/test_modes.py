@@ -12,10 +12,10 @@ from scipy.optimize import brentq
 
 import gpusim as gs
 from gpusim.errors import InputError, NotConverged
+from gpusim.fem.eigenvalues import modes as procedure
 from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.model.elimination import eliminate
 from gpusim.fem.model.mass import mass_matrix
-from gpusim.fem.procedures import modes as procedure
 from tests.support.element_meshes import mesh_of
 from tests.support.fem_reference import stiffness
 
