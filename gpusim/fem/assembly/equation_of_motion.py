@@ -15,6 +15,7 @@ import numpy as np
 from scipy.sparse import csr_matrix, identity, kron
 
 from gpusim.arrays.array_types import Bool, Float
+from gpusim.errors import NotConverged
 from gpusim.fem.assembly.assembly import Assembled, assemble, model_lattice
 from gpusim.fem.assembly.element_responses import element_responses
 from gpusim.fem.assembly.equation import Equation
@@ -72,9 +73,13 @@ class EquationOfMotion:
     def at(solution: Solution, formulation: Mapping[str, str], mass_rule: str) -> EquationOfMotion:
         """About the state of a ``solution``, stressed as it is there.
 
-        Raises InputError for laws with a history, whose state a solution doesn't hold.
+        Raises InputError for laws with a history, whose state a solution doesn't hold, and
+        NotConverged for a solution that isn't one.
         """
         assert solution.model is not None
+        if not solution.converged:
+            got, expected = solution.message, "a converged one"
+            raise NotConverged(f"prestress: the solution; got {got}; expected {expected}")
         check_densities(solution.model)
         return _equation_of_motion(solution.model, formulation, mass_rule, solution)
 

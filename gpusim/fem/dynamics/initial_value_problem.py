@@ -20,6 +20,9 @@ from gpusim.validation import finite_numbers, require
 Loads = npt.ArrayLike | Record | Callable[[float], npt.ArrayLike]
 Initial = Solution | tuple[npt.ArrayLike, npt.ArrayLike]
 
+# of a function's sum over time, by which it may leave straight lines between the instants at which
+# it is asked; where in between that is looked at, apart from any period; instants at most
+_CURVED, _BETWEEN, _MOST_ASKED = 0.005, 0.382, 100_000
 # of the greatest displacement or velocity, that constraints may miss at first
 _CONSISTENT = 1e-6
 
@@ -79,17 +82,12 @@ def checked_model(model: Model) -> Model:
 
 
 def load_factors(loads: Loads | None, cases: int, times: Float, spacing: float) -> Record:
-    """(R,L) from the first to the last of ``times``. A function is asked every ``spacing``."""
+    """(R,L) from the first to the last of ``times``. A function is asked every ``spacing``, or more
+    often until what is linear in between is like it."""
     if loads is None:
         return Record(times[[0, -1]], np.ones((2, cases)))
     if callable(loads):
-        steps = int(np.ceil((times[-1] - times[0]) / spacing))
-        asked = np.linspace(times[0], times[-1], steps + 1)
-        shapes, expected = [(cases,), ()][: 1 + (cases == 1)], f"{cases} finite factors"
-        found = [
-            finite_numbers(loads(float(t)), "transient: loads", shapes, expected) for t in asked
-        ]
-        loads = Record(asked, np.reshape(found, (-1, cases)))
+        loads = _sampled(loads, cases, times, spacing)
     elif not isinstance(loads, Record):
         shapes = [(len(times), cases)] + [(len(times),)] * (cases == 1)
         expected = f"finite numbers at each of the {len(times)} times, for {cases} load cases"
@@ -97,6 +95,29 @@ def load_factors(loads: Loads | None, cases: int, times: Float, spacing: float) 
     width, expected = loads.values.shape[1], f"{cases}, one for each load case"
     require(width == cases, "transient: loads: factors", width, expected)
     return loads.within(times[0], times[-1], "transient: loads")
+
+
+def _sampled(
+    loads: Callable[[float], npt.ArrayLike], cases: int, times: Float, spacing: float
+) -> Record:
+    """Factors that a function says."""
+    shapes, expected = [(cases,), ()][: 1 + (cases == 1)], f"{cases} finite factors"
+
+    def asked(at: Float) -> Float:
+        told = [finite_numbers(loads(float(t)), "transient: loads", shapes, expected) for t in at]
+        return np.reshape(told, (-1, cases))
+
+    steps = int(np.ceil((times[-1] - times[0]) / spacing))
+    while True:
+        grid = np.linspace(times[0], times[-1], steps + 1)
+        found, between = Record(grid, asked(grid)), grid[:-1] + _BETWEEN * np.diff(grid)
+        exact = asked(between)
+        missed = np.abs(found.at(between) - exact).sum(axis=0)
+        if (missed <= _CURVED * (np.abs(exact) + np.abs(found.values[1:])).sum(axis=0)).all():
+            return found
+        steps *= 2
+        got, most = "a function that varies between them still", f"at most {_MOST_ASKED} instants"
+        require(steps <= _MOST_ASKED, "transient: loads", got, f"{most}, or a Record")
 
 
 def with_moving_ground(problem: InitialValueProblem, base: Record | None) -> InitialValueProblem:

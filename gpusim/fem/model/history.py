@@ -42,7 +42,13 @@ class Superposition:
         return len(self.amplitudes)
 
     def __getitem__(self, key: Any) -> Float:
-        when, *where = key if isinstance(key, tuple) else (key,)
+        key = key if isinstance(key, tuple) else (key,)
+        for k in [number for number, one in enumerate(key) if one is Ellipsis]:
+            key = (*key[:k], *[slice(None)] * (4 - len(key)), *key[k + 1 :])
+        when, *where = key
+        lists = bool(np.ndim(when)) and any(np.ndim(one) for one in where)
+        got, expected = "lists of instants and of nodes", "one of them: the others as slices"
+        require(not lists, "history: index", got, expected)
         shapes = self.shapes[(slice(None), *where)]
         return np.asarray(np.tensordot(self.amplitudes[when], shapes, axes=1))
 

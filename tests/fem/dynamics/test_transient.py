@@ -10,7 +10,8 @@ import numpy.typing as npt
 import pytest
 
 import gpusim as gs
-from gpusim.errors import InputError
+from gpusim.errors import InputError, NotConverged
+from gpusim.fem.dynamics import initial_value_problem
 from tests.support.vibrating_bar import SOFT, greatest, vibrating_bar
 
 Float = npt.NDArray[np.float64]
@@ -179,3 +180,28 @@ def test_supports_that_move_and_missing_densities_are_refused() -> None:
     moving = np.where(model.fixed, 0.0, 1.0)
     with pytest.raises(InputError, match="against constraints"):
         gs.transient(held, times=TIMES, initial=(moving, 0.0 * moving))
+
+
+def test_a_function_is_asked_until_straight_lines_are_like_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of 40 Hz, it is zero wherever it is asked first: every 0.025 s."""
+    model, times, fine = vibrating_bar(), np.linspace(0.0, 0.5, 6), np.linspace(0.0, 0.5, 2001)
+
+    def loads(t: float) -> list[float]:
+        return [np.sin(80.0 * np.pi * t), 0.0]
+
+    exact = gs.transient(model, times=times, loads=gs.Record(fine, [loads(t) for t in fine]))
+    found = gs.transient(model, times=times, loads=loads)
+    assert greatest(np.asarray(found.u) - np.asarray(exact.u), exact.u) <= 2e-2
+    monkeypatch.setattr(initial_value_problem, "_MOST_ASKED", 1000)
+    with pytest.raises(InputError, match=r"transient: loads; got a function"):
+        gs.transient(model, times=times, loads=lambda t: [np.sin(1e9 * t), 0.0])
+
+
+def test_modes_that_are_poor_carry_no_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = vibrating_bar()
+    poor = replace(gs.modes(model, 3), converged=False, message="no luck")
+    monkeypatch.setattr("gpusim.fem.dynamics.transient.modes", lambda *_, **__: poor)
+    with pytest.raises(NotConverged, match="transient: modes; got no luck"):
+        gs.transient(model, times=TIMES)

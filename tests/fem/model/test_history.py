@@ -35,9 +35,14 @@ def test_superpositions_index_as_arrays_do() -> None:
     one = Superposition(rng.standard_normal((5, 4)), rng.standard_normal((4, 7, 3)))
     whole = np.einsum("tn,nij->tij", one.amplitudes, one.shapes)
     assert one.shape == whole.shape and len(one) == 5
-    for key in (2, slice(1, 4), [0, 3], (slice(None), 5), (1, slice(2, 4), 0), (slice(0, 2), 6, 1)):
+    keys = (2, slice(1, 4), [0, 3], (slice(None), 5), (1, slice(2, 4), 0), (slice(0, 2), 6, 1))
+    inner = ((..., 2), (3, ..., 0), (..., 4, 1), (slice(None), ...), (..., slice(0, 2)), ...)
+    for key in (*keys, *inner, ([0, 3], 6), (slice(None), [1, 5], [0, 2])):
         assert np.allclose(one[key], whole[key], rtol=1e-13, atol=1e-14)
     assert np.allclose(np.asarray(one), whole) and np.allclose(2.0 * np.asarray(one), 2.0 * whole)
+    # arrays would take these two by two
+    with pytest.raises(InputError, match="history: index"):
+        one[[0, 1], [3, 4]]
 
 
 def test_between_instants_it_goes_on() -> None:
