@@ -43,6 +43,9 @@ class ForcedVibration:
         require(known, "harmonic: modes", repr(self.modes), "Modes, or None")
         known = isinstance(self.prestress, Solution | None)
         require(known, "harmonic: prestress", repr(self.prestress), "a Solution, or None")
+        same = self.prestress is None or self.prestress.model is self.model
+        got, expected = "one of another model", "a Solution of this model"
+        require(same, "harmonic: prestress", got, expected)
         given = [self.model.prescribed_cases, *(one.right for one in self.model.constraints)]
         still, expected = not any(one.any() for one in given), "none (the base may shake)"
         require(still, "harmonic: model", "displacements that are given", expected)

@@ -160,7 +160,9 @@ class ModalMotion:
 def modal_superposition(
     problem: InitialValueProblem, modes: Modes, damping: Damping | None, options: Options
 ) -> ModalMotion:
-    """Of mass-normalised ``modes``."""
+    """Of mass-normalised ``modes``. Raises NotConverged for poor ones."""
+    if not modes.converged:
+        raise NotConverged(f"transient: modes; got {modes.message}; expected converged ones")
     equation, factors = problem.linear_equation, problem.factors
     forces = problem.forces(equation)
     x, scale = equation.unknowns(modes.shapes), equation.scale

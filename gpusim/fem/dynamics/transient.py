@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
-from gpusim.errors import NotConverged
 from gpusim.fem.dynamics.initial_value_problem import (
     Initial,
     InitialValueProblem,
@@ -135,9 +134,6 @@ def transient(
     with one_blas_thread():
         if method == "modal":
             found = modes(model, count, formulation=names, mass=mass)
-            if not found.converged:
-                got, expected = found.message, "converged ones"
-                raise NotConverged(f"transient: modes; got {got}; expected {expected}")
             fields = superposed(modal_superposition(problem, found, damping, options), at, file)
         else:
             scheme = Scheme.named(method, spectral_radius)

@@ -286,6 +286,9 @@ def test_what_is_refused() -> None:
             given = {"frequencies": [10.0], name: value}
             with pytest.raises(InputError, match=name):
                 gs.harmonic(model, **given)  # type: ignore[arg-type]
+    other = gs.solve(shaken())
+    with pytest.raises(InputError, match=r"prestress; got one of another model"):
+        gs.harmonic(model, [10.0], method="direct", prestress=other)
     with pytest.raises(InputError, match="beyond 8 modes that lack"):
         gs.harmonic(model, [1e5], count=8)
     with pytest.raises(InputError, match=r"method 'direct': damping.*method 'modal'"):
