@@ -169,3 +169,15 @@ def test_damping_of_each_kind() -> None:
     assert greatest(histories[0].u - np.asarray(histories[1].u), histories[0].u) <= 1e-7
     energy = histories[1].energy
     assert energy.drift <= 1e-12 and (np.diff(energy.dissipated) > 0.0).all()
+
+
+def test_many_modes_of_a_free_body_leave_a_static_answer() -> None:
+    """Rounding of the products with modes must not move the body as a whole."""
+    bar = gs.mesh.box(size=(1, 0.05, 0.1), divisions=(8, 1, 2))
+    end, forces = np.isclose(bar.points[:, 0], 1.0), np.zeros((2, *bar.points.shape))
+    forces[0, end, 2], forces[1, ~end, 0] = 100.0, 3.0
+    model = gs.Model(bar, gs.Isotropic(210e9, 0.3, density=7850.0), None, forces)
+    times = np.linspace(0.0, 0.01, 21)
+    loads = np.stack([np.sin(300.0 * times), np.cos(200.0 * times)], axis=1)
+    few, many = (gs.transient(model, times=times, loads=loads, count=n) for n in (40, 100))
+    assert greatest(np.asarray(many.u) - np.asarray(few.u), many.u) <= 1e-6
