@@ -121,9 +121,7 @@ class ModalDynamics(Superposition):
             *shares(analysis, modes, np.stack([u, v])),
         )
         shapes, cases = np.concatenate([modes.shapes, loads.beyond]), len(loads.beyond)
-        response = ModalMotion(
-            shapes, coordinates, Record(times, factors), np.zeros((cases, cases)), {}
-        )
+        response = ModalMotion(shapes, coordinates, Record(times, factors), np.zeros(cases), {})
         fields = superposed(response, times, None)
         return History(times, method="modal", timings={}, model=modes.model, **fields)
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_matrix, identity, kron
+from scipy.sparse import csr_matrix
 
 from gpusim.arrays.array_types import Bool, Float
 from gpusim.fem.assembly.assembly import Assembled, assemble, model_lattice
@@ -34,7 +34,6 @@ from gpusim.fem.model.mass import ElementMass, check_densities, scalar_mass
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.solution import Solution
 from gpusim.fem.model.supports import rigid_modes
-from gpusim.fem.sparse.block_rows import block_matrix
 from gpusim.validation import require
 
 
@@ -144,11 +143,6 @@ class EquationOfMotion:
         """What nodal forces (L,N,3), in the model's own numbers, do to x: (L,3N)."""
         return self._forces(self.inside(f))
 
-    def inertia_forces(self, a: Float) -> Float:
-        """What M a does to x: (L,3N), of accelerations a (L,N,3) of all nodes, in the model's own
-        numbers; those that are held still move as well."""
-        return self._forces(self.shift(1.0).forces(self.inside(a)))
-
     def base_motions(self) -> tuple[Float, Float, Float]:
         """The centre of mass (3,), masses and moments of inertia about it (6,), and what M r does
         to x: (6,3N), of translations and rotations r of all nodes about the centre."""
@@ -157,16 +151,6 @@ class EquationOfMotion:
         base = np.moveaxis(rigid_modes(self.points, centre, 1.0), 2, 0)
         forces = self.shift(1.0).forces(base)
         return centre, np.einsum("kni,kni->k", base, forces), self._forces(forces)
-
-    @property
-    def matrices(self) -> tuple[csr_matrix, csr_matrix]:
-        """K and M (n,n) over the scale, of the n displacements that are solved for."""
-        mass, free = csr_matrix(kron(self.mass, identity(3))), np.flatnonzero(self.unknown)
-        if self._elimination is not None:
-            mass = csr_matrix(self._elimination.matrix.T @ mass @ self._elimination.matrix)
-        both = block_matrix(self._reduced[0].rows).tocsr(), mass
-        stiffness, mass = (csr_matrix(one[free][:, free] / self.scale) for one in both)
-        return stiffness, mass
 
     def _forces(self, f: Float) -> Float:
         """(L,3N) of forces (L,N,3) in the numbers inside."""

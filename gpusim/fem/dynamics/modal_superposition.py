@@ -14,11 +14,8 @@ import numpy as np
 from scipy.linalg import expm
 
 from gpusim.arrays.array_types import Float
-from gpusim.errors import NotConverged
-from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
 from gpusim.fem.dynamics.initial_value_problem import InitialValueProblem
-from gpusim.fem.krylov.truncated_cg import truncated_cg
-from gpusim.fem.linear.shifted_solver import ShiftedSolver
+from gpusim.fem.dynamics.modal_basis import ModalBasis
 from gpusim.fem.linear.solve_plan import Options
 from gpusim.fem.model.damping import Damping
 from gpusim.fem.model.modes import Modes
@@ -26,10 +23,6 @@ from gpusim.fem.model.record import Record
 
 # instants that are worked on at a time
 _CHUNK = 1024
-# of forces, that modes are given credit for
-_ROUNDING = 1e-9
-# of the first elastic eigenvalue: what makes the stiffness of a free body definite
-_SHIFT = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,14 +112,14 @@ def _carried(step: Float, begin: Float) -> tuple[Float, Float, Float]:
 class ModalMotion:
     """A body's motion, exact at any instant: ``shapes`` (n + K,N,3) by their amplitudes.
 
-    The first are ``modes``. The others are corrections, one a load case: of its static answer what
-    modes lack. They follow the ``factors`` of the loads, and have ``stiffness`` (K,K). ``lacking``:
-    the shares of energies that modes lack, by name.
+    The first are ``modes``. The others have no inertia: their amplitudes are those of a ``static``
+    record (R,K), and they have ``stiffness`` (K,). ``lacking``: the shares of energies that modes
+    lack, by name.
     """
 
     shapes: Float
     modes: ModalCoordinates
-    factors: Record
+    static: Record
     stiffness: Float
     lacking: dict[str, float]
 
@@ -138,73 +131,48 @@ class ModalMotion:
 
     def coordinates(self, times: Float) -> tuple[Float, Float, Float, Float]:
         """Amplitudes at ``times`` (m,), rates and accelerations (m,n + K), and energies (4,m), the
-        fields of an `EnergyHistory`: damping has dissipated what is missing. Corrections have no
-        inertia."""
-        states, own, factors = self.modes.at(times), self.modes.oscillators, self.factors.at(times)
+        fields of an `EnergyHistory`: damping has dissipated what is missing."""
+        states, own, static = self.modes.at(times), self.modes.oscillators, self.static.at(times)
         kinetic = 0.5 * (states.rate**2).sum(axis=1)
         strain = 0.5 * ((own.angular * states.amplitude) ** 2).sum(axis=1)
         lost = states.work - (kinetic + strain - self.modes.first_energy)
         lost = lost if own.damping.any() else np.zeros_like(lost)
-        added = 0.5 * np.einsum("tk,kl,tl->t", factors, self.stiffness, factors)
-        first = self.factors.values[0]
-        work = states.work + added - 0.5 * first @ self.stiffness @ first
-        slope = self.factors.slope(times)
+        first, added = (0.5 * q**2 @ self.stiffness for q in (self.static.values[:1], static))
+        slope = self.static.slope(times)
         return (
-            np.hstack([states.amplitude, factors]),
+            np.hstack([states.amplitude, static]),
             np.hstack([states.rate, slope]),
             np.hstack([states.acceleration, np.zeros_like(slope)]),
-            np.stack([kinetic, strain + added, work, lost]),
+            np.stack([kinetic, strain + added, states.work + added - first, lost]),
         )
 
 
 def modal_superposition(
     problem: InitialValueProblem, modes: Modes, damping: Damping | None, options: Options
 ) -> ModalMotion:
-    """Of mass-normalised ``modes``."""
+    """Of mass-normalised ``modes``, and of residual vectors as if these had no inertia."""
     equation, factors = problem.linear_equation, problem.factors
-    forces = problem.forces(equation)
-    x, scale = equation.unknowns(modes.shapes), equation.scale
-    angular = modes.angular
-    # rigid-body modes may have a damping, though no ratio
-    positive = np.maximum(angular, 1e-100)
-    lost = np.zeros_like(angular) if damping is None else 2.0 * damping.ratios(positive) * positive
-    inertia, loads = equation.inertia(x), scale * forces @ x.T
+    loads = np.where(factors.values.any(axis=0), problem.forces(equation).T, 0.0).T
+    basis = ModalBasis.of(equation, modes, loads, options)
+    angular, beyond = np.split(basis.angular, [basis.count])
+    push, pull = np.split(basis.forcing.real, [basis.count], axis=1)
     begin = equation.unknowns(np.stack([problem.u, problem.v]))
-    amplitude, rate = scale * begin @ inertia.T
-    forcing = Record(factors.times, factors.values @ loads)
-    coordinates = ModalCoordinates(Oscillators(angular, lost), forcing, amplitude, rate)
-    missing, acting = forces - loads @ inertia, factors.values.any(axis=0)
-    # rounding, where modes have all of a load
-    missing[np.abs(missing).max(axis=1) <= _ROUNDING * np.abs(forces).max(axis=1)] = 0.0
-    missing[~acting] = 0.0
-    corrections = _static_corrections(equation, angular, missing, options)
-    corrections -= scale * corrections @ inertia.T @ x
-    stiffness = scale * corrections @ forces.T
-    shapes = np.concatenate([modes.shapes, equation.displacements(corrections)])
-    static = ((loads / positive)[:, angular > 0.0] ** 2).sum(axis=1) + np.diag(stiffness)
+    inertia = equation.inertia(equation.unknowns(basis.shapes[: basis.count]))
+    amplitude, rate = equation.scale * begin @ inertia.T
+    lost = np.zeros_like(angular)
+    if damping is not None:
+        (lost,) = damping.dissipation(np.ones(1), angular)
+    coordinates = ModalCoordinates(
+        Oscillators(angular, lost), Record(factors.times, factors.values @ push), amplitude, rate
+    )
     lacking = {
-        f"static answer to {name} (which is added, as if it had no inertia)": share
-        for name, share in zip(
-            problem.load_names, np.diag(stiffness) / np.maximum(static, 1e-300), strict=True
-        )
+        "static answer to a load (which is added, as if it had no inertia)": basis.lacking.max()
     }
     for what, own, state, image in (
         ("initial displacement", angular * amplitude, begin[:1], equation.stiffness(begin[:1])),
         ("initial velocity", rate, begin[1:], equation.inertia(begin[1:])),
     ):
-        whole = scale * float(np.vdot(state, image))
+        whole = equation.scale * float(np.vdot(state, image))
         lacking[what] = 1.0 - float(own @ own) / whole if whole > 0.0 else 0.0
-    return ModalMotion(shapes, coordinates, factors, stiffness, lacking)
-
-
-def _static_corrections(
-    equation: EquationOfMotion, angular: Float, missing: Float, options: Options
-) -> Float:
-    """K^-1 times forces (K,3N) that move no mode."""
-    rigid = angular.min() <= 0.0
-    shift = float(_SHIFT * angular[angular > 0.0].min(initial=1.0) ** 2) if rigid else 0.0
-    near = ShiftedSolver(equation, shift, options).preconditioner
-    found = truncated_cg(equation.stiffness, near, missing, options.tolerance)
-    if found is None:
-        raise NotConverged("transient: static answers; got a stiffness that isn't positive")
-    return found[0]
+    static = Record(factors.times, factors.values @ (pull / beyond**2))
+    return ModalMotion(basis.shapes, coordinates, static, beyond**2, lacking)

@@ -14,7 +14,6 @@ from gpusim.fem.dynamics.initial_value_problem import (
     Initial,
     InitialValueProblem,
     Loads,
-    checked_model,
     initial_state,
     load_factors,
     with_moving_ground,
@@ -44,6 +43,7 @@ from gpusim.fem.model.history import (
 from gpusim.fem.model.mass import MASS_RULES
 from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.model.record import Record, increasing
+from gpusim.fem.model.supports import check_still
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import Count, Rule, Share, checked, is_number, one_of, require
 
@@ -93,8 +93,8 @@ def transient(
     model : see `gpusim.Model`; its materials need densities.
     times : (T,) increasing; the first one is when it begins.
     loads : factors of the model's load cases, linear in between: (T,), or (T,L) of L cases, at
-        ``times``; a `Record` with times of its own (an impact; a moving load, one case a place); a
-        function of time. None: 1 from the first instant on.
+        ``times``; or a `Record` with times of its own (an impact; a moving load, one case a place).
+        None: 1 from the first instant on.
     method : "modal": of ``count`` modes, exact between instants at which loads bend; or steps by
         "newmark" (trapezoidal rule), "hht" or "generalized-alpha", of second order.
     damping : `Rayleigh`, or with "modal" `ModalDamping`.
@@ -123,10 +123,10 @@ def transient(
     >>> f"{np.asarray(history.u)[:, -1, 2].max() / gs.solve(model).u[-1, 2]:.2f}"
     '1.90'
     """
-    at, cases = increasing(times, "transient: times"), len(checked_model(model).load_cases)
-    names, first = resolve_formulation(model, formulation), _first_step(at, step)
+    check_still(model, "transient")
+    at, names = increasing(times, "transient: times"), resolve_formulation(model, formulation)
     _check_fit(method, damping, geometry, progress)
-    factors = load_factors(loads, cases, at, first)
+    first, factors = _first_step(at, step), load_factors(loads, len(model.load_cases), at)
     problem = InitialValueProblem(model, names, mass, factors, *initial_state(model, initial))
     problem = with_moving_ground(problem, base)
     sharp = min(tolerance, _SOLUTION)

@@ -118,6 +118,12 @@ def _rule(name: str, formulation: str, rule: str) -> Rule:
     return ELEMENTS[name].mass if points is None else quadrature(name, points)
 
 
+def inertia_forces(model: Model, formulation: Mapping[str, str], rule: str) -> Float:
+    """(3,N,3) on a body whose ground accelerates by 1 along x, y and z."""
+    mass = np.asarray(scalar_mass(ElementMass(model, formulation, rule)).sum(axis=1))
+    return np.asarray(-mass[None] * np.eye(3)[:, None])
+
+
 def check_densities(model: Model) -> None:
     require(isinstance(model, Model), "mass: model", type(model).__name__, "a Model")
     density = model.densities

@@ -44,7 +44,8 @@ class Record:
 
     def at(self, times: Float) -> Float:
         """(m,k) at ``times`` (m,); beyond its ends it stays as it is there."""
-        return np.stack([np.interp(times, self.times, one) for one in self.values.T], axis=-1)
+        found = [np.interp(times, self.times, one) for one in self.values.T]
+        return np.reshape(found, (-1, len(times))).T
 
     def slope(self, times: Float) -> Float:
         """(m,k) at ``times`` (m,) within its ends; after a bend where it bends."""

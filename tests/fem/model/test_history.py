@@ -41,9 +41,9 @@ def test_superpositions_index_as_arrays_do() -> None:
 
 
 def test_between_instants_it_goes_on() -> None:
-    model = vibrating_bar()
+    model, ramp = vibrating_bar(), gs.Record([0.0, 2.0], [[0.0, 0.0], [2.0, 0.0]])
     coarse, fine = (
-        gs.transient(model, times=times, loads=lambda t: [t, 0.0], method="newmark", step=0.0125)
+        gs.transient(model, times=times, loads=ramp, method="newmark", step=0.0125)
         for times in (TIMES, np.linspace(0.0, 2.0, 161))
     )
     found = [coarse.at(float(time)) for time in fine.times]
