@@ -23,10 +23,10 @@ def test_cubics_are_exact_of_cubic_motions() -> None:
         value = np.array(
             [[2.0 + t - 3.0 * t**2 + t**3], [1.0 - 6.0 * t + 3.0 * t**2], [-6.0 + 6.0 * t]]
         )
-        return State(t, *value, np.array([t, 2.0 * t]))
+        return State(t, *value, np.array([t, 2.0 * t, 0.0, -t]))
 
     found, expected = interpolated(state(0.2), state(1.4), 0.25), state(0.5)
-    for name in ("time", "u", "v", "a", "gains"):
+    for name in ("time", "u", "v", "a", "energies"):
         assert np.allclose(getattr(found, name), getattr(expected, name), rtol=1e-12)
 
 
