@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -271,12 +271,7 @@ class History:
         )
         motion = self._motion(step, interval) if procedure.moves else None
         of_motion = [] if motion is None else motion.cases
-        pulled = any(one.prescribed.any() for one in of_motion)
-        if pulled and (step.perturbation or isinstance(procedure, Dynamics)):
-            step.card.fail("displacements of supports; expected none with *DYNAMIC, nor about a "
-                           "stressed state")  # fmt: skip
-        if any(one.temperature is not None and one.temperature.any() for one in of_motion):
-            step.card.fail("a changed temperature where the body moves; expected *STATIC")
+        self._refuse_pulled(step, of_motion)
         for one in (*path, state, *of_motion) if self.body.nonlinear else of_motion:
             if not one.held_as((*self.steps, *path, state)[0] if self.body.nonlinear else state):
                 step.card.fail(
@@ -310,6 +305,16 @@ class History:
         self.constraints.given.end(moment)
         if self.temperature is not None:
             self.temperature.end(moment)
+
+    def _refuse_pulled(self, step: _Open, cases: Sequence[Step]) -> None:
+        """What can't act where the body moves."""
+        turned = any(one.right.any() for case in cases for one in case.constraints)
+        pulled = turned or any(case.prescribed.any() for case in cases)
+        if pulled and (turned or step.perturbation or isinstance(step.procedure, Dynamics)):
+            step.card.fail("displacements of supports; expected none with *DYNAMIC, in turned axes "
+                           "or about a stressed state")  # fmt: skip
+        if any(case.temperature is not None and case.temperature.any() for case in cases):
+            step.card.fail("a changed temperature where the body moves; expected *STATIC")
 
     def _motion(self, step: _Open, interval: Interval) -> Motion:
         """What acts in it, sorted by what it follows."""
