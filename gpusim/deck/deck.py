@@ -151,7 +151,8 @@ class Deck:
                 before=tuple(results),
             )
             results.append(step.procedure.solve(step, analysis))
-        return tuple(results)
+        pairs = zip(self.steps, results, strict=True)
+        return tuple(step.procedure.shown(result) for step, result in pairs)
 
     def point_stress(self, number: int, u: npt.ArrayLike | Solution) -> Mapping[str, Float]:
         """Stress at the integration points of each element for ``u`` (N,3) of step ``number``, or

@@ -169,6 +169,15 @@ def test_only_modes_in_the_band(tmp_path: Path) -> None:
     assert found.shapes.shape == (2, 12, 3) and not found.rigid
 
 
+def test_modes_beyond_the_band_are_superposed(tmp_path: Path) -> None:
+    """As CalculiX does, which doesn't print them."""
+    _, whole = load_deck(write(tmp_path, deck(MODES, MODAL))).solve()
+    none = MODES.replace("3\n", "3, 0., 1.E-6\n")
+    modes, history = load_deck(write(tmp_path, deck(none, MODAL))).solve()
+    assert len(modes.frequencies) == 0 and np.abs(history.u).max() > 0.0
+    np.testing.assert_array_equal(history.u, whole.u)
+
+
 def test_free_bodies_have_rigid_modes(tmp_path: Path) -> None:
     (found,) = load_deck(write(tmp_path, deck(MODES.replace("3\n", "8\n"), fixed=""))).solve()
     assert len(found.rigid) == 6 and (found.frequencies > 0.0).sum() == 2
