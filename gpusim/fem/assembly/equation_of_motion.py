@@ -124,7 +124,8 @@ class EquationOfMotion:
 
     def displacements(self, x: Float) -> Float:
         """(L,N,3) in the model's own numbers, with what constraints gave up."""
-        u, elimination, numbering = x.reshape(len(x), -1, 3), self._elimination, self._numbering
+        u, elimination = x.reshape(len(x), *self.points.shape), self._elimination
+        numbering = self._numbering
         moved = u if elimination is None else elimination.displacements(u)
         return moved if numbering is None else numbering.backward(moved)
 
@@ -237,4 +238,3 @@ def _tangent(
     system = scaled_system(assembled, points, equation.free, still[None], still[None])
     elements = ElementForces(lambda v: system.apply(v) * system.scale, system.elements.rounding)
     return assembled, replace(system, elements=elements), points
-

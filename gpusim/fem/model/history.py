@@ -146,12 +146,16 @@ class History:
         if self.modal is not None:
             return self.modal.at(time)
         k = min(int(np.searchsorted(self.times, time, side="right")) - 1, len(self.times) - 2)
-        before, after = (
-            State(float(self.times[j]), self.u[j], self.v[j], self.a[j], np.zeros(2))
-            for j in (k, k + 1)
-        )
-        between = interpolated(before, after, (time - before.time) / (after.time - before.time))
-        return between.u, between.v
+        step, both = self.times[k + 1] - self.times[k], slice(k, k + 2)
+        share, v = (time - self.times[k]) / step, self.v[both]
+        return cubic(share, self.u[both], step * v), cubic(share, v, step * self.a[both])
+
+
+def cubic(share: float, ends: Float, slopes: Float) -> Float:
+    """Between two ``ends`` (2,...), from one slope to the other, per interval."""
+    rise = share**2 * (3.0 - 2.0 * share) * (ends[1] - ends[0])
+    bend = share * (1.0 - share) * ((1.0 - share) * slopes[0] - share * slopes[1])
+    return np.asarray(ends[0] + rise + bend)
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,20 +172,13 @@ class State:
 
 def interpolated(before: State, after: State, share: float) -> State:
     """Between two states: cubics of displacement and velocity by their slopes, the rest linear."""
-    step = after.time - before.time
-
-    def cubic(begin: Float, end: Float, slope: Float, last: Float) -> Float:
-        rise = share**2 * (3.0 - 2.0 * share) * (end - begin)
-        bend = step * share * (1.0 - share) * ((1.0 - share) * slope - share * last)
-        return np.asarray(begin + rise + bend)
-
+    step, v, a = after.time - before.time, np.stack([before.v, after.v]), (before.a, after.a)
+    u = cubic(share, np.stack([before.u, after.u]), step * v)
+    gains = before.gains + share * (after.gains - before.gains)
     return State(
-        before.time + share * step,
-        cubic(before.u, after.u, before.v, after.v),
-        cubic(before.v, after.v, before.a, after.a),
-        (1.0 - share) * before.a + share * after.a,
-        (1.0 - share) * before.gains + share * after.gains,
-    )
+        before.time + share * step, u, cubic(share, v, step * np.stack(a)),
+        a[0] + share * (a[1] - a[0]), gains,
+    )  # fmt: skip
 
 
 @contextmanager

@@ -24,6 +24,7 @@ from gpusim.errors import NotConverged
 
 Apply = Callable[[Float], Float]
 
+# vectors a step, or an eighth of those wanted: steps cost the cube of the basis, too
 _BLOCK = 8
 # sought beside what is wanted, to a tenth: gaps are those to converged values then
 _GUARDS, _GUARD_ERROR = 2, 0.1
@@ -171,8 +172,8 @@ def _require_definite(rows: Float, image: Float, energy: Float) -> None:
     most = np.linalg.norm(rows, axis=1) * np.linalg.norm(image, axis=1)
     if not (energy >= _INDEFINITE * most).all():
         raise NotConverged(
-            "modes: got a motion whose energy is negative; expected a body that is stable (is it "
-            "loaded beyond buckling?)"
+            "modes: got a motion whose energy isn't positive; expected a stable body (is it loaded "
+            "beyond buckling? do elements lack stiffness, as single rows of 'reduced' ones do?)"
         )
 
 
@@ -220,12 +221,13 @@ def davidson(
     missed. ``progress`` is called with (steps, worst error).
     """
     wanted = min(count + _GUARDS, pencil.size - len(pencil.known))
-    basis = _Basis(pencil, 2 * wanted + 24 + max(_BLOCK, len(start)))
+    block = max(_BLOCK, wanted // _BLOCK)
+    basis = _Basis(pencil, 2 * wanted + 24 + max(block, len(start)))
     errors = _Errors(count, wanted - count, tolerance)
     added, looks, limit = basis.extend(start), 0, _STEPS + _STEPS_OF_EACH * wanted
     for step in range(limit):
         values, shares = basis.ritz()
-        todo = errors.open(values, pencil.negligible)[:_BLOCK]
+        todo = errors.open(values, pencil.negligible)[:block]
         if len(todo):
             _, energy, inertia = basis.combined(shares[todo])
             residual = inertia - values[todo, None] * energy
@@ -234,7 +236,7 @@ def davidson(
             errors.tell(todo, values[todo], squares)
             new = new[np.isin(todo, errors.open(values, pencil.negligible))]
         elif len(values) < wanted:
-            new = pencil.random(_BLOCK, step + 1)
+            new = pencil.random(block, step + 1)
         elif looks < _LOOKS:
             # what was missed isn't in the basis: inverse iteration beside it brings it up
             new = pencil.solve(basis.last(added)) if looks else pencil.random(_FRESH, step + 1)
@@ -244,7 +246,7 @@ def davidson(
         if progress is not None:
             progress(step + 1, float(errors.eta[:count].max()))
         if not basis.fits(len(new)):
-            keep = wanted + _BLOCK
+            keep = wanted + block
             basis.restart(values[:keep], shares[:keep])
         if len(new):
             added = basis.extend(new)

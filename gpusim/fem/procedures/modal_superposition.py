@@ -173,17 +173,20 @@ def modal_superposition(
     amplitude, rate = scale * begin @ inertia.T
     forcing = Record(factors.times, factors.values @ loads)
     coordinates = ModalCoordinates(Oscillators(angular, lost), forcing, amplitude, rate)
-    missing = forces - loads @ inertia
+    missing, acting = forces - loads @ inertia, factors.values.any(axis=0)
     # rounding, where modes have all of a load
     missing[np.abs(missing).max(axis=1) <= _ROUNDING * np.abs(forces).max(axis=1)] = 0.0
+    missing[~acting] = 0.0
     corrections = _static_corrections(equation, angular, missing, options)
     corrections -= scale * corrections @ inertia.T @ x
     stiffness = scale * corrections @ forces.T
     shapes = np.concatenate([modes.shapes, equation.displacements(corrections)])
     static = ((loads / positive)[:, angular > 0.0] ** 2).sum(axis=1) + np.diag(stiffness)
     lacking = {
-        f"static answer to load case {case} (which is added, as if it had no inertia)": share
-        for case, share in enumerate(np.diag(stiffness) / np.maximum(static, 1e-300))
+        f"static answer to {name} (which is added, as if it had no inertia)": share
+        for name, share in zip(
+            problem.load_names, np.diag(stiffness) / np.maximum(static, 1e-300), strict=True
+        )
     }
     for what, own, state, image in (
         ("initial displacement", angular * amplitude, begin[:1], equation.stiffness(begin[:1])),

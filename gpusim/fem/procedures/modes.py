@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 
-from gpusim.arrays.array_types import Float
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
 from gpusim.fem.linear.shifted_solver import definite_solver
 from gpusim.fem.linear.solve_plan import METHODS, Clock, Options
@@ -108,15 +108,20 @@ def modes(
         clock.mark("assembly")
         rigid = rigid_body_modes(equation)
         unknowns = int(equation.unknown.sum())
-        require(count <= unknowns, "modes: count", count, f"at most {unknowns}, the unknowns")
+        most = int(count) if limits is None else min(int(count), unknowns)
+        require(most <= unknowns, "modes: count", count, f"at most {unknowns}, the unknowns")
         search = _Search(equation, rigid, options)
-        found = search.lowest(int(count) - len(rigid.names))
+        found = search.lowest(most - len(rigid.names))
         if limits is not None:
             found = search.up_to((2.0 * np.pi * limits[1]) ** 2, found)
         points = model.mesh.points
         if prestress is not None:
             points = points + (prestress.u if prestress.u.ndim == 2 else prestress.u.sum(axis=0))
-        return _result(search, found, limits, points)
+        result = _result(search, found, points)
+    frequencies = result.frequencies
+    if limits is None:
+        return _chosen(result, np.arange(len(frequencies)) < count)
+    return _chosen(result, (frequencies >= limits[0]) & (frequencies <= limits[1]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,28 +187,49 @@ class _Search:
 
     def up_to(self, value: float, found: _Elastic) -> _Elastic:
         """All with lambda up to a ``value``, and some beyond, beginning with what was found."""
+        beyond = f"more than {_MOST} below its upper end"
+        many = _least_count(self.equation, value) > _MOST
+        require(not many, "modes: modes of the band", beyond, "a narrower band")
         rigid = len(self.rigid.names)
         most = int(self.equation.unknown.sum()) - rigid
         count = max(len(found.values), 1)
         while not (found.values > value).any() and len(found.values) < most:
-            beyond = f"more than {_MOST} below its upper end"
             require(count < _MOST, "modes: modes of the band", beyond, "a narrower band")
             count = min(2 * count, _MOST, most)
             found = self.lowest(count)
         return found
 
 
-def _result(search: _Search, found: _Elastic, limits: Float | None, points: Float) -> Modes:
+def _least_count(equation: EquationOfMotion, value: float) -> float:
+    """Modes with lambda up to ``value``, a third of what waves in a body of this mass make (Weyl's
+    law, see Dupuis, Mazo & Onsager, J. Chem. Phys. 33 (1960) 1452), which slender bodies exceed."""
+    materials = equation.model.materials
+    volume = float(equation.mass.sum()) / max(one.density for one in materials)
+    slowness = [
+        min(one.density / one.stiffness()[k, k] for one in materials) ** 1.5 for k in (0, 3, 3)
+    ]
+    waves = volume * value**1.5 * sum(slowness) / (6.0 * np.pi**2)
+    return min(float(waves) / 3.0, float(equation.unknown.sum()))
+
+
+def _chosen(modes: Modes, which: Bool) -> Modes:
+    """Those ``which`` (n,) are wanted."""
+    per_mode = ("frequencies", "shapes", "participation", "effective_mass", "error_estimate")
+    return replace(
+        modes,
+        **{name: getattr(modes, name)[which] for name in per_mode},
+        rigid=tuple(name for name, one in zip(modes.rigid, which, strict=False) if one),
+    )
+
+
+def _result(search: _Search, found: _Elastic, points: Float) -> Modes:
     """In the model's units, with what motions of its supports say, whose nodes are at ``points``
-    (N,3); within ``limits`` (2,) Hz, if any."""
+    (N,3)."""
     equation, options, names = search.equation, search.options, search.rigid.names
     frequencies = np.sqrt(np.maximum(found.values, 0.0)) / (2.0 * np.pi)
     frequencies = np.concatenate([np.zeros(len(names)), frequencies])
     error = np.concatenate([np.zeros(len(names)), found.error])
     x = np.concatenate([search.rigid.rows, found.rows]) / np.sqrt(equation.scale)
-    low, high = (0.0, np.inf) if limits is None else limits
-    chosen = (frequencies >= low) & (frequencies <= high)
-    frequencies, error, x = frequencies[chosen], error[chosen], x[chosen]
     x *= np.sign(np.take_along_axis(x, np.abs(x).argmax(axis=1)[:, None], axis=1))
     centre, total = _inertia(equation)
     base = np.moveaxis(rigid_modes(points, centre, 1.0), 2, 0)
@@ -221,7 +247,7 @@ def _result(search: _Search, found: _Elastic, limits: Float | None, points: Floa
         centre=centre,
         error_estimate=error,
         converged=converged,
-        rigid=names[: int(chosen[: len(names)].sum())],
+        rigid=names,
         unknowns=int(equation.unknown.sum()),
         steps=found.steps,
         message="converged" if converged else message,

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
 from gpusim.fem.linear.solve_plan import Clock, Options
-from gpusim.fem.model.damping import Damping, Rayleigh, StructuralDamping
+from gpusim.fem.model.damping import Damping, ModalDamping, Rayleigh
 from gpusim.fem.model.history import (
     ENERGIES,
     FilePath,
@@ -58,8 +58,10 @@ _SUBSTEPS = 4
 _INSTANTS, _FRAMES = 1024, 16
 # share of an energy from which on a warning says that modes lack it
 _LACKING = 0.01
-# of the sum of loads over time, that steps may miss
-_MISSED = 0.05
+# error of each solution, at most: that of adaptive steps may be greater
+_SOLUTION = 1e-5
+# of the sum of a load over time, that steps may miss; of the whole time, how short they may get
+_MISSED, _FINEST = 0.05, 1e-6
 # of the greatest displacement, in a step, from which on a warning says so
 _WARNED_ERROR = 1e-3
 
@@ -107,12 +109,8 @@ def transient(
     formulation, mass : see `gpusim.modes`. geometry : "linear" or "nonlinear".
     file : HDF5 file that the history is streamed to. progress : called with (steps, time).
 
-    Raises
-    ------
-    InputError
-        A wrong argument; steps that are too long for the loads; histories larger than memory.
-    NotConverged
-        A step can't be found, or adds energy to the body: it is too long.
+    Raises InputError for wrong arguments, steps too long for the loads and histories larger than
+    memory, NotConverged for a step that can't be found or adds energy to the body: it is too long.
 
     Examples
     --------
@@ -125,13 +123,14 @@ def transient(
     >>> f"{np.asarray(history.u)[:, -1, 2].max() / gs.solve(model).u[-1, 2]:.2f}"
     '1.90'
     """
-    at, names = increasing(times, "transient: times"), resolve_formulation(model, formulation)
-    first = _first_step(at, step)
-    _check_fit(method, damping, geometry)
-    factors = load_factors(loads, len(checked_model(model).load_cases), at, first)
+    at, cases = increasing(times, "transient: times"), len(checked_model(model).load_cases)
+    names, first = resolve_formulation(model, formulation), _first_step(at, step)
+    _check_fit(method, damping, geometry, progress)
+    factors = load_factors(loads, cases, at, first)
     problem = InitialValueProblem(model, names, mass, factors, *initial_state(model, initial))
     problem = with_moving_ground(problem, base)
-    options = Options("auto", None, "numpy", tolerance, None, None, None, names, Clock())
+    sharp = min(tolerance, _SOLUTION)
+    options = Options("auto", None, "numpy", sharp, None, None, None, names, Clock())
     with one_blas_thread():
         if method == "modal":
             found = modes(model, count, formulation=names, mass=mass)
@@ -139,7 +138,8 @@ def transient(
         else:
             scheme = Scheme.named(method, spectral_radius)
             first = _fine_step(problem, first, is_number(step))
-            motion = _motion(problem, scheme, damping, options, geometry)
+            rayleigh = damping if isinstance(damping, Rayleigh) else Rayleigh()
+            motion = _motion(geometry)(problem, scheme, rayleigh, options)
             error = tolerance * motion.size(at[-1] - at[0]) if step == "adaptive" else np.inf
             steps = partial(time_steps, motion, control=StepSize(first, error))
             fields = integrated(motion, steps, at, file, progress)
@@ -158,46 +158,42 @@ def _first_step(times: Float, step: float | str | None) -> float:
 
 
 def _fine_step(problem: InitialValueProblem, step: float, given: bool) -> float:
-    """One that misses little of the loads. Raises InputError where a ``given`` one misses more."""
+    """One that misses little of the loads. Raises InputError where a ``given`` one misses more, or
+    every one that can be made."""
+    whole, what = float(np.ptp(problem.factors.times)), "transient: step"
+    require(step <= whole, f"{what}, too long", step, f"at most {whole:.6g}, all of it")
     while (missed := problem.missed(step)) > _MISSED:
-        got = f"{step:.3g}, which misses {missed:.0%} of the loads in between"
-        require(not given, "transient: step, too long", got, f"{_MISSED:.0%} at most")
+        got = f"{step:.3g}, which misses {missed:.0%} of a load in between"
+        fits = not given and step > _FINEST * whole
+        require(fits, f"{what}, too long", got, f"{_MISSED:.0%} at most")
         step *= 0.5
-    duration = float(np.ptp(problem.factors.times))
-    require(
-        step <= duration, "transient: step, too long", step, f"at most {duration:.6g}, all of it"
-    )
     return step
 
 
-def _check_fit(method: str, damping: Damping | None, geometry: str) -> None:
+def _check_fit(
+    method: str, damping: Damping | None, geometry: str, progress: Progress | None
+) -> None:
     """Raises InputError for what a method can't do."""
-    linear, what, got = geometry == "linear", "transient: damping", repr(damping)
-    require(linear or method != "modal", "transient: method at large displacements", method,
-            f"one of {', '.join(METHODS)}")  # fmt: skip
-    if damping is None:
-        return
-    harmonic = isinstance(damping, StructuralDamping)
-    require(not harmonic, what, got, "Rayleigh or ModalDamping: that of structures is harmonic")
-    if not isinstance(damping, Rayleigh):
-        require(method == "modal", what, got, "Rayleigh, or method='modal'")
-    else:
-        expected = "stiffness=0 at large displacements: it would damp rotations"
-        require(linear or damping.stiffness == 0.0, what, got, expected)
+    called, linear = progress is None or callable(progress), geometry == "linear"
+    require(called, "transient: progress", repr(progress), "a function, or None")
+    fits, what = linear or method != "modal", "transient: method at large displacements"
+    require(fits, what, method, f"one of {', '.join(METHODS)}")
+    what, got, dragging = "transient: damping", repr(damping), isinstance(damping, Rayleigh)
+    known = damping is None or dragging or isinstance(damping, ModalDamping)
+    require(known, what, got, "Rayleigh or ModalDamping: that of structures is harmonic")
+    if method != "modal":
+        require(damping is None or dragging, what, got, "Rayleigh, or method='modal'")
+    turning = not linear and isinstance(damping, Rayleigh) and damping.stiffness > 0.0
+    require(not turning, what, got, "stiffness=0 at large displacements: it would damp rotations")
 
 
-def _motion(
-    problem: InitialValueProblem, scheme: Scheme, damping: Damping | None, options: Options,
-    geometry: str,
-) -> Motion:  # fmt: skip
-    rayleigh = damping or Rayleigh()
-    assert isinstance(rayleigh, Rayleigh)
+def _motion(geometry: str) -> type[LinearMotion]:
+    """What linear theory doesn't need isn't loaded."""
     if geometry == "linear":
-        return LinearMotion(problem, scheme, rayleigh, options)
-    # what linear theory doesn't need isn't loaded
+        return LinearMotion
     from gpusim.fem.procedures.nonlinear_motion import NonlinearMotion
 
-    return NonlinearMotion(problem, scheme, rayleigh, options)
+    return NonlinearMotion
 
 
 def superposed(motion: ModalMotion, times: Float, file: FilePath) -> dict[str, Any]:

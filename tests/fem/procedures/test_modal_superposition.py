@@ -115,6 +115,16 @@ def test_what_modes_lack_of_static_answers_is_added_and_said() -> None:
     assert greatest(bare[-1] - static[1], static[1]) > 0.01
 
 
+def test_the_ground_is_named_where_modes_lack_of_it() -> None:
+    along = gs.Record([0.0, 1.0], [[1.0, 0.0, 0.0]] * 2)
+    history = gs.transient(
+        vibrating_bar(), times=[0.0, 1.0], loads=np.zeros((2, 2)), base=along, count=2
+    )
+    # loads that don't act aren't looked at
+    (warning,) = history.warnings
+    assert "motion of the ground along x" in warning
+
+
 def test_a_static_state_stays_and_what_modes_lack_of_it_is_said() -> None:
     model = vibrating_bar()
     one = replace(model, forces=model.load_cases[0])
