@@ -1,0 +1,146 @@
+"""Linear buckling: factors of the load at which stiffness is lost, (K + factor K_g) u = 0."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Annotated
+
+import numpy as np
+
+from gpusim.arrays.array_types import Float
+from gpusim.errors import NotConverged
+from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
+from gpusim.fem.assembly.geometric_stiffness import geometric_stiffness
+from gpusim.fem.eigenvalues.davidson import Pencil, davidson
+from gpusim.fem.eigenvalues.rayleigh_quotients import AIM, sharpened
+from gpusim.fem.linear.shifted_solver import definite_solver
+from gpusim.fem.linear.solve_plan import METHODS, Clock, Options
+from gpusim.fem.model.buckling import Buckling
+from gpusim.fem.model.model import Model, resolve_formulation
+from gpusim.fem.model.solution import Solution
+from gpusim.fem.procedures.statics import Tolerance, solve
+from gpusim.parallel.blas_threads import one_blas_thread
+from gpusim.validation import Count, checked, one_of, require
+
+# share of the tolerance for the static solution, whose stress is what buckles the body; the error
+# that it may have at most
+_STATIC, _POOR = 0.1, 0.01
+# rows to begin with
+_START = 8
+# a factor this many times as large as the smallest one of either sign isn't looked for
+_BEYOND = 1e4
+
+
+@checked
+def buckling(
+    model: Model,
+    count: Count = 3,
+    *,
+    formulation: str | Mapping[str, str] | None = None,
+    tolerance: Tolerance = 1e-6,
+    method: Annotated[str, one_of(*METHODS)] = "auto",
+    progress: Callable[[int, float], None] | None = None,
+) -> Buckling:
+    """Factors of a model's load at which it buckles, by linear theory, and its shapes there.
+
+    Stress grows with the load, and the body stays as it is until then: good where it hardly moves
+    before, as columns and plates in compression; shells and shallow arches may carry far less.
+    Loads keep their directions.
+
+    Parameters
+    ----------
+    model : with one load case, held by its supports.
+    count : how many factors.
+    formulation, method : see `gpusim.solve`.
+    tolerance : relative error of the factors to reach, as the mesh has them.
+    progress : called with (steps, worst error so far).
+
+    Raises
+    ------
+    InputError
+        A wrong argument, several load cases, no load, a body that isn't held.
+    NotConverged
+        No solution under the load, or no positive factor: the load only stiffens the body.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(1, 0.1, 0.1), divisions=(8, 1, 1))
+    >>> fixed = np.isclose(bar.points[:, :1], 0.0).repeat(3, axis=1)
+    >>> end = gs.mesh.select_faces(bar, name="x_max")
+    >>> push = gs.fem.traction(bar, end, (-1e8, 0, 0))
+    >>> found = gs.buckling(gs.Model(bar, gs.Isotropic(210e9, 0.0), fixed, push), count=2)
+    >>> euler = np.pi**2 * 210e9 * 0.1**4 / 12 / 4 / 1e6
+    >>> (found.factors / euler).round(3)
+    array([1., 1.])
+    """
+    require(isinstance(model, Model), "buckling model", type(model).__name__, "a Model")
+    cases = len(model.load_cases)
+    expected = "one load case, or the sum of several"
+    require(cases == 1, "buckling model: load cases", cases, expected)
+    called = progress is None or callable(progress)
+    require(called, "buckling progress", repr(progress), "a function, or None")
+    solution = solve(
+        model, tolerance=_STATIC * tolerance, formulation=formulation, backend="numpy",
+        method=method,
+    )  # fmt: skip
+    if not solution.error_estimate <= _POOR:
+        raise NotConverged(f"buckling: the static solution: {solution.message}")
+    names, clock = resolve_formulation(model, formulation), Clock()
+    options = Options(method, None, "numpy", tolerance, None, None, progress, names, clock)
+    with one_blas_thread():
+        return _found(model, solution, int(count), options)
+
+
+def _found(model: Model, solution: Solution, count: int, options: Options) -> Buckling:
+    equation = EquationOfMotion.without_mass(model, options.formulation)
+    stress = geometric_stiffness(model, options.formulation, solution.u.reshape(-1, 3))
+    order = equation.inside(np.arange(solution.u.size, dtype=np.float64).reshape(1, -1, 3))
+    inside = order[0, :, 0].astype(np.int64) // 3
+    stress = stress[inside][:, inside]
+    require(bool(abs(stress).max() > 0.0), "buckling: load", "no stress", "a load")
+    solver = definite_solver(equation, 0.0, options)
+    options.clock.mark("assembly")
+
+    def softening(x: Float) -> Float:
+        return -equation.scalar_product(stress, x)
+
+    none = np.zeros((0, len(equation.unknown)))
+    pencil = Pencil(
+        solver.energy, softening, solver.apply, equation.unknown, none, solver.weakest,
+        negligible=1.0 / _BEYOND,
+    )  # fmt: skip
+    require(count <= pencil.size, "buckling: count", count, f"at most {pencil.size}, the unknowns")
+    start, aim = pencil.random(_START, 0), (AIM - _STATIC) * options.tolerance
+    pairs = davidson(pencil, count, aim, start, options.progress)
+    size = max(float(np.abs(pairs.values).max()), -pairs.least)
+    positive = pairs.values > pencil.negligible * size
+    opposite = 1.0 / pairs.least if pairs.least < -pencil.negligible * size else -np.inf
+    if not positive.any():
+        raise NotConverged(
+            "buckling: got no positive load factor; expected a load that compresses (reversed it "
+            f"buckles the body at {opposite:.4g} times itself, or before)"
+        )
+    mu, rows, rounding = sharpened(equation, softening, pairs.vectors[positive], options.tolerance)
+    shapes = equation.displacements(rows)
+    shapes /= np.abs(shapes).max(axis=(1, 2))[:, None, None]
+    error = pairs.error[positive] + rounding + solution.error_estimate
+    worst = float(error.max())
+    converged = pairs.converged and worst <= options.tolerance
+    message = f"estimated errors of up to {worst:.1e} after {pairs.steps} steps"
+    options.clock.mark("iteration")
+    return Buckling(
+        factors=1.0 / mu,
+        shapes=shapes,
+        reversed_factor=opposite,
+        error_estimate=error,
+        converged=converged,
+        solution=solution,
+        unknowns=pencil.size,
+        steps=pairs.steps,
+        message="converged" if converged else message,
+        warnings=solution.warnings,
+        timings=options.clock.timings,
+        method="direct" if solver.exact else "multigrid",
+        reasons=solver.plan.lines,
+        model=model,
+    )

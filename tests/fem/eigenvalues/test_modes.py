@@ -1,0 +1,350 @@
+"""Modes against dense eigenvalues of every element type, theory, and hostile models."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from scipy.linalg import eigh
+from scipy.optimize import brentq
+
+import gpusim as gs
+from gpusim.errors import InputError, NotConverged
+from gpusim.fem.eigenvalues import modes as procedure
+from gpusim.fem.elements.element import ELEMENTS
+from gpusim.fem.model.elimination import eliminate
+from gpusim.fem.model.mass import mass_matrix
+from tests.support.element_meshes import mesh_of
+from tests.support.fem_reference import stiffness
+
+Float = npt.NDArray[np.float64]
+STEEL = gs.Isotropic(210e9, 0.3, density=7850.0)
+
+
+def held(mesh: gs.Mesh, material: gs.Isotropic = STEEL, **more: object) -> gs.Model:
+    fixed = np.repeat(mesh.points[:, :1] < mesh.points[:, 0].min() + 1e-9, 3, axis=1)
+    return gs.Model(mesh, material, fixed, **more)  # type: ignore[arg-type]
+
+
+def dense(model: gs.Model, formulation: object = None, rule: str = "exact") -> tuple[Float, Float]:
+    """All frequencies, and mass-normalised shapes as columns (3N,n)."""
+    assert model.fixed is not None
+    k = stiffness(model, formulation).toarray()  # type: ignore[arg-type]
+    m = mass_matrix(model, rule, formulation).toarray()  # type: ignore[arg-type]
+    elimination = eliminate(model)
+    unknown = ~model.fixed
+    unknown[model.mesh.dangling_nodes] = False
+    columns = np.eye(k.shape[0])
+    if elimination is not None:
+        columns, unknown = elimination.matrix.toarray(), elimination.unknowns(unknown)
+    columns = columns[:, unknown.ravel()]
+    values, vectors = eigh(columns.T @ k @ columns, columns.T @ m @ columns)
+    return np.sqrt(np.maximum(values, 0.0)) / (2.0 * np.pi), columns @ vectors
+
+
+def agree(found: gs.Modes, model: gs.Model, **options: object) -> None:
+    """Frequencies to 1e-8 and shapes to a MAC of 1 - 1e-8, those of clusters as their spans."""
+    assert found.converged, found.message
+    still, count = len(found.rigid), len(found.frequencies)
+    frequencies, shapes = dense(model, **options)  # type: ignore[arg-type]
+    assert (found.frequencies[:still] == 0.0).all()
+    assert (frequencies[:still] <= 1e-4 * frequencies[still]).all()
+    frequencies[:still] = 0.0
+    error = np.abs(found.frequencies[still:] / frequencies[still:count] - 1.0)
+    assert (error <= 1e-8).all()
+    # never less than stated, but for what rounding does to the dense ones
+    rounding = 1e-11 + 2e-16 * (frequencies[-1] / frequencies[still:count]) ** 2
+    assert (error <= found.error_estimate[still:] + rounding).all()
+    weights = mass_matrix(model, str(options.get("rule", "exact")), None)
+    flat = found.shapes.reshape(count, -1)
+    gram = flat @ weights @ flat.T
+    assert np.abs(gram - np.eye(count)).max() <= 1e-9
+    cuts = np.flatnonzero(np.diff(frequencies[:count]) > 5e-3 * frequencies[1:count]) + 1
+    for cluster in np.split(np.arange(count), cuts):
+        after = frequencies[cluster[-1] + 1] if count < len(frequencies) else np.inf
+        if after <= 1.005 * frequencies[cluster[-1]]:
+            continue  # its other half wasn't asked for
+        shares = shapes[:, cluster].T @ weights @ flat[cluster].T
+        assert np.linalg.svd(shares)[1].min() ** 2 >= 1.0 - 1e-8
+
+
+EVERY = [(kind, name) for kind, one in ELEMENTS.items() for name in one.formulations]
+
+
+@pytest.mark.parametrize(("kind", "formulation"), EVERY)
+def test_every_element_against_dense_eigenvalues(kind: str, formulation: str) -> None:
+    model = held(mesh_of(kind, (2, 2, 3), 0.05))
+    found = gs.modes(model, 6, formulation={kind: formulation})
+    agree(found, model, formulation={kind: formulation})
+
+
+def comb(teeth: int) -> gs.Mesh:
+    """Equal teeth on a common base: a cluster of as many modes."""
+    mesh = gs.mesh.box((9.0 * teeth, 30.0, 4.0), (3 * teeth, 10, 1))
+    middle = mesh.points[mesh.cells["hex8"]].mean(axis=1)
+    keep = (middle[:, 1] < 6.0) | (middle[:, 0] % 9.0 < 3.0)
+    used, cells = np.unique(mesh.cells["hex8"][keep], return_inverse=True)
+    return gs.Mesh(mesh.points[used], {"hex8": cells.reshape(-1, 8)})
+
+
+def together(*meshes: gs.Mesh) -> gs.Mesh:
+    """Several bodies of hexahedra."""
+    first = np.cumsum([0, *(one.node_count for one in meshes)])
+    cells = [one.cells["hex8"] + at for one, at in zip(meshes, first, strict=False)]
+    return gs.Mesh(np.concatenate([one.points for one in meshes]), {"hex8": np.concatenate(cells)})
+
+
+def tied() -> gs.Model:
+    lower = gs.mesh.box(size=(2, 2, 1), divisions=(2, 2, 1))
+    both = together(lower, gs.mesh.box(size=(2, 2, 1), divisions=(3, 3, 2), origin=(0, 0, 1)))
+    level = {"z_min": 1.0, "z_max": 1.0}
+    joint = [gs.mesh.select_faces(both, bounds=level, normal=n) for n in ("+z", "-z")]
+    fixed = np.repeat(both.points[:, 2:] == 0.0, 3, axis=1)
+    return gs.Model(both, STEEL, fixed, constraints=gs.fem.tie(both, *joint))
+
+
+def on_base(mesh: gs.Mesh) -> gs.Model:
+    return gs.Model(mesh, STEEL, np.repeat(mesh.points[:, 1:2] == 0.0, 3, axis=1))
+
+
+CUBE = gs.mesh.box((1.0, 1.0, 1.0), (5, 5, 5))
+MODELS: dict[str, tuple[Callable[[], gs.Model], int]] = {
+    "rod whose modes are pairs": (lambda: held(gs.mesh.box((8, 1, 1), (20, 3, 3))), 9),
+    "cube whose modes are triples": (lambda: gs.Model(CUBE, STEEL), 15),
+    "comb, a cluster of eight": (lambda: on_base(comb(8)), 10),
+    "free plate": (lambda: gs.Model(gs.mesh.box((10, 10, 0.3), (10, 10, 1)), STEEL), 12),
+    "tied": (tied, 7),
+    "all modes that it has": (lambda: held(gs.mesh.box((1, 1, 1), (1, 1, 1))), 12),
+    "all but one": (lambda: held(gs.mesh.box((2, 1, 1), (2, 1, 1))), 23),
+}
+
+
+@pytest.mark.parametrize("method", ["direct", "multigrid"])
+@pytest.mark.parametrize("name", MODELS)
+def test_doubles_and_clusters_are_complete(name: str, method: str) -> None:
+    build, count = MODELS[name]
+    model = build()
+    agree(gs.modes(model, count, method=method), model)
+
+
+@pytest.mark.parametrize("rule", ["calculix", "lumped"])
+def test_mass_rules(rule: str) -> None:
+    model = held(mesh_of("tet10", (2, 2, 2)))
+    found = gs.modes(model, 5, mass=rule)
+    frequencies, _ = dense(model, rule=rule)
+    assert np.abs(found.frequencies / frequencies[:5] - 1.0).max() <= 1e-8
+
+
+def two_bodies() -> gs.Model:
+    """One held, one free, of unlike sizes."""
+    both = together(
+        gs.mesh.box((1, 0.1, 0.1), (6, 1, 1)), gs.mesh.box((1, 0.2, 0.1), (6, 1, 1), (0, 1, 0))
+    )
+    fixed = (both.points[:, 1:2] < 0.5) & (both.points[:, :1] == 0.0)
+    return gs.Model(both, STEEL, np.repeat(fixed, 3, axis=1))
+
+
+def hinged() -> gs.Model:
+    """Two bars that share an edge, the first one held."""
+    first = gs.mesh.box((1, 0.1, 0.1), (4, 1, 1))
+    second = gs.mesh.box((1, 0.1, 0.1), (4, 1, 1), (1, 0.1, 0))
+    pair = together(first, second)
+    points, number = np.unique(pair.points.round(9), axis=0, return_inverse=True)
+    return held(gs.Mesh(points, {"hex8": number.reshape(-1)[pair.cells["hex8"]]}))
+
+
+def sliding() -> gs.Model:
+    mesh = gs.mesh.box((1, 0.1, 0.1), (6, 1, 1))
+    return gs.Model(mesh, STEEL, np.repeat([[False, False, True]], mesh.node_count, axis=0))
+
+
+def turned() -> gs.Model:
+    mesh = gs.mesh.box((1, 0.2, 0.1), (6, 2, 1))
+    turn = np.array([[0.8, 0.6, 0.0], [-0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
+    return gs.Model(gs.Mesh(mesh.points @ turn, mesh.cells), STEEL)
+
+
+ALONG = ("translation x", "translation y", "translation z")
+RIGID = {
+    "two bodies": (two_bodies, (*ALONG, *(f"rotation about {axis}" for axis in "xyz"))),
+    "hinged": (hinged, ("motion 1 of a mechanism",)),
+    "sliding": (sliding, ("translation x", "translation y", "rotation about z")),
+    "turned": (
+        turned,
+        (*ALONG, "rotation about (0.800, 0.600, 0.000)", "rotation about (-0.600, 0.800, 0.000)",
+         "rotation about z"),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", RIGID)
+def test_rigid_modes_are_named_and_exact(name: str) -> None:
+    build, names = RIGID[name]
+    model = build()
+    found = gs.modes(model, len(names) + 3)
+    assert tuple(one.replace("-0.000", "0.000") for one in found.rigid) == names
+    agree(found, model)
+    few = gs.modes(model, 1)
+    assert few.rigid == names[:1]
+    assert few.shapes.shape == (1, model.mesh.node_count, 3)
+
+
+def test_a_free_body_takes_up_all_of_its_mass_by_its_rigid_modes() -> None:
+    model = gs.Model(gs.mesh.box((2.0, 1.0, 0.5), (4, 2, 1), (3.0, 1.0, 7.0)), STEEL)
+    found = gs.modes(model, 8)
+    mass = 7850.0
+    assert np.allclose(found.centre, [4.0, 1.5, 7.25])
+    assert np.allclose(found.total_mass[:3], mass)
+    about_z = mass * (2.0**2 + 1.0**2) / 12.0
+    assert np.isclose(found.total_mass[5], about_z, rtol=1e-9)
+    assert np.allclose(found.effective_mass[:6].sum(axis=0), found.total_mass, rtol=1e-9)
+    assert np.abs(found.effective_mass[6:]).max() <= 1e-12 * mass
+
+
+def test_effective_masses_of_a_cantilever() -> None:
+    """Euler-Bernoulli: 61.3, 18.8 and 6.5 per cent in the first three modes of bending."""
+    mesh = gs.mesh.box((20.0, 0.2, 0.1), (60, 1, 1))
+    fixed = np.repeat(mesh.points[:, :1] == 0.0, 3, axis=1)
+    fixed[:, 1] = True
+    material = gs.Isotropic(210e9, 0.0, density=7850.0)
+    found = gs.modes(gs.Model(mesh, material, fixed), 4)
+    bending = found.effective_mass[:, 2] / found.total_mass[2]
+    assert np.allclose(np.sort(bending)[::-1][:3], [0.6131, 0.1883, 0.0647], atol=1e-3)
+    assert np.allclose(found.angular, 2.0 * np.pi * found.frequencies)
+
+
+def cantilever(load: float) -> gs.Model:
+    """Of Euler's load P = 1.0; pulled with ``load`` times it."""
+    mesh = gs.mesh.box((10.0, 0.1, 0.1), (60, 1, 1))
+    fixed = np.repeat(mesh.points[:, :1] == 0.0, 3, axis=1)
+    fixed[:, 1] = True
+    euler = np.pi**2 * 210e9 * 0.1**4 / 12.0 / (4.0 * 10.0**2)
+    pull = gs.fem.traction(
+        mesh, gs.mesh.select_faces(mesh, name="x_max"), (load * euler / 0.01, 0.0, 0.0)
+    )
+    return gs.Model(mesh, gs.Isotropic(210e9, 0.0, density=7850.0), fixed, pull)
+
+
+def beam_value(load: float) -> float:
+    """beta^4 of the lowest mode of a cantilever of unit length, stiffness and mass per length under
+    a tension of ``load`` times Euler's, that keeps its direction at the end."""
+    tension = load * np.pi**2 / 4.0
+
+    def determinant(value: float) -> float:
+        root = np.sqrt(0.25 * tension**2 + value)
+        a, b = np.sqrt(root + 0.5 * tension), np.sqrt(root - 0.5 * tension)
+        # w = A (cosh ax - cos bx) + B (sinh ax - a/b sin bx): w'' = 0 and w''' = T w' at the end
+        m = [
+            [a**2 * np.cosh(a) + b**2 * np.cos(b), a**2 * np.sinh(a) + a * b * np.sin(b)],
+            [
+                (a**3 - tension * a) * np.sinh(a) - (b**3 + tension * b) * np.sin(b),
+                (a**3 - tension * a) * np.cosh(a) + a / b * (b**3 + tension * b) * np.cos(b),
+            ],
+        ]
+        return float(m[0][0] * m[1][1] - m[0][1] * m[1][0])
+
+    guess = 3.516**2 * (1.0 + load)
+    return float(brentq(determinant, 0.6 * guess + 1e-9, 1.7 * guess))
+
+
+@pytest.mark.parametrize("load", [-0.9, -0.5, 0.5, 2.0])
+@pytest.mark.parametrize("geometry", ["linear", "nonlinear"])
+def test_prestress_softens_and_stiffens_as_beam_theory_says(load: float, geometry: str) -> None:
+    model = cantilever(load)
+    state = gs.fem.solve(model, geometry=geometry, tolerance=1e-8)
+    stressed = gs.modes(model, 1, prestress=state).frequencies[0]
+    expected = np.sqrt(beam_value(load) / beam_value(0.0))
+    assert stressed / gs.modes(model, 1).frequencies[0] == pytest.approx(expected, rel=3e-3)
+
+
+def test_an_unstable_state_has_no_modes() -> None:
+    model = cantilever(-1.2)
+    state = gs.fem.solve(model)
+    with pytest.raises(NotConverged, match="isn't stable"):
+        gs.modes(model, 2, prestress=state)
+
+
+def test_bands() -> None:
+    model = held(gs.mesh.box((1, 0.1, 0.1), (8, 1, 1)))
+    every = gs.modes(model, 20).frequencies
+    inside = (every > 500.0) & (every < 3000.0)
+    assert np.allclose(gs.modes(model, 2, band=(500.0, 3000.0)).frequencies, every[inside])
+    assert gs.modes(model, band=(100.0, 200.0)).shapes.shape == (0, 36, 3)
+    free = gs.modes(gs.Model(model.mesh, STEEL), band=(0.0, 600.0))
+    assert len(free.rigid) == 6 < len(free.frequencies)
+
+
+def test_bands_with_too_many_modes_are_refused_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = held(gs.mesh.box((1, 0.5, 0.5), (20, 10, 10)))
+    with pytest.raises(InputError, match="more than 1000 below its upper end"):
+        gs.modes(model, band=(0.0, 1e6))
+    # where that isn't foreseen
+    monkeypatch.setattr(procedure, "_MOST", 15)
+    monkeypatch.setattr(procedure, "_least_count", lambda *_: 0.0)
+    with pytest.raises(InputError, match="more than 15"):
+        gs.modes(model, 4, band=(0.0, 1e6))
+
+
+def test_nearly_incompressible_bodies_take_factors() -> None:
+    rubber = gs.Isotropic(2e6, 0.4999, density=1000.0)
+    model = held(gs.mesh.box((1, 0.5, 0.5), (8, 4, 4)), rubber)
+    found = gs.modes(model, 5, formulation="bbar")
+    assert found.method == "direct"
+    agree(found, model, formulation="bbar")
+    cycles = gs.modes(model, 5, formulation="bbar", method="multigrid")
+    assert not cycles.converged
+    assert "estimated errors" in cycles.message
+    assert cycles.error_estimate.max() > 1e-6
+
+
+def test_an_uneven_body() -> None:
+    mesh = gs.mesh.box((4, 1, 1), (12, 3, 3))
+    of_cell = (mesh.points[mesh.cells["hex8"]].mean(axis=1)[:, 0] > 2.0).astype(np.int32)
+    soft = gs.Isotropic(210e4, 0.3, density=100.0)
+    fixed = np.repeat(mesh.points[:, :1] == 0.0, 3, axis=1)
+    model = gs.Model(mesh, [STEEL, soft], fixed, material_of_cell=of_cell)
+    agree(gs.modes(model, 8, method="multigrid"), model)
+
+
+def test_what_cant_vibrate_is_told() -> None:
+    mesh = gs.mesh.box((1, 0.1, 0.1), (8, 1, 1))
+    model = held(mesh)
+    with pytest.raises(InputError, match=r"materials\[0\] has no density"):
+        gs.modes(held(mesh, gs.Isotropic(210e9, 0.3)))
+    of_cell = np.arange(8, dtype=np.int32) // 4
+    part = gs.Model(mesh, [STEEL, gs.Isotropic(1e9, 0.3)], model.fixed, material_of_cell=of_cell)
+    with pytest.raises(InputError, match=r"materials\[1\] has no density"):
+        gs.modes(part)
+    for wrong, text in (
+        ({"count": 0}, "at least 1"),
+        ({"count": 97}, "at most 96"),
+        ({"count": np.nan}, "whole number"),
+        ({"band": (3.0, 1.0)}, "0 <= low < high"),
+        ({"band": (0.0, np.nan)}, "0 <= low < high"),
+        ({"mass": "diagonal"}, "'exact'"),
+        ({"tolerance": 0.0}, r"a number in \(0, 1\)"),
+        ({"progress": 3}, "a function"),
+    ):
+        with pytest.raises(InputError, match=text):
+            gs.modes(model, **wrong)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="a Solution of this model"):
+        gs.modes(model, prestress=gs.fem.solve(held(mesh)))
+    row = held(gs.mesh.quadratic(mesh, serendipity=True))
+    with pytest.raises(NotConverged, match="'reduced'"):
+        gs.modes(row, 4, formulation="reduced")
+
+
+def test_memory_is_asked_for_before_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(procedure, "host_memory", lambda: 100_000)
+    with pytest.raises(InputError, match="50% of the free memory"):
+        gs.modes(held(gs.mesh.box((1, 0.1, 0.1), (8, 1, 1))), 10)
+
+
+def test_progress_tells_steps_and_errors() -> None:
+    told: list[tuple[int, float]] = []
+    model = held(gs.mesh.box((1, 0.1, 0.1), (8, 1, 1)))
+    found = gs.modes(model, 4, progress=lambda *one: told.append(one))
+    assert [step for step, _ in told] == list(range(1, found.steps))
+    assert told[-1][1] <= 1e-4
