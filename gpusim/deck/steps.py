@@ -196,36 +196,27 @@ class History:
 
     def _unfit(self, step: _Open, procedure: Procedure) -> str:
         """What speaks against a procedure in this deck, if anything."""
-        body, about = self.body, step.perturbation
+        body, about, moves = self.body, step.perturbation, isinstance(procedure, Dynamics)
         spun = any(one.kind == "CENTRIF" for one in self.forces.bodies)
-        moves = isinstance(procedure, Dynamics)
-        problems = {
-            "PERTURBATION in the first step of a nonlinear deck": (
-                about and body.nonlinear and not self.steps
-            ),
-            "PERTURBATION about a state with CENTRIF, which changes as the body moves": (
-                about and spun
-            ),
-            "PERTURBATION about metal, of whose state only its stress is known": (
-                about and body.has_history
-            ),
-            "initial stress, which other steps than *STATIC don't know": (
-                bool(self.stress.values) and not isinstance(procedure, Static)
-            ),
-            f"motion before the first step ({self.motion.where}), which isn't *DYNAMIC": (
-                bool(self.motion.where) and not self.steps and not moves
-            ),
-            "BETA of *DAMPING at large displacements, where it would damp rotations": (
-                moves and body.nonlinear and body.damping.stiffness > 0.0
-            ),
-            "AMPLITUDE=RAMP of *STEP; expected loads that are there at once": (
-                procedure.moves and step.card.parameters.get("AMPLITUDE", "").upper() == "RAMP"
-            ),
-            "*BUCKLE at large displacements; expected linear statics": (
-                body.nonlinear and isinstance(procedure, LinearBuckling)
-            ),
-        }
-        return next((text for text, found in problems.items() if found), "")
+        ramp = step.card.parameters.get("AMPLITUDE", "").upper() == "RAMP"
+        stressed = bool(self.stress.values) and not isinstance(procedure, Static)
+        thrown = bool(self.motion.where) and not self.steps and not moves
+        problems = [
+            (about and body.nonlinear and not self.steps,
+             "PERTURBATION in the first step of a nonlinear deck"),
+            (about and spun, "PERTURBATION about a state with CENTRIF, which changes with motion"),
+            (about and body.has_history,
+             "PERTURBATION about metal, of whose state only its stress is known"),
+            (stressed, "initial stress, which other steps than *STATIC don't know"),
+            (thrown, f"motion before the first step ({self.motion.where}), which isn't *DYNAMIC"),
+            (moves and body.nonlinear and body.damping.stiffness > 0.0,
+             "BETA of *DAMPING at large displacements, where it would damp rotations"),
+            (procedure.moves and ramp,
+             "AMPLITUDE=RAMP of *STEP; expected loads that are there at once"),
+            (body.nonlinear and isinstance(procedure, LinearBuckling),
+             "*BUCKLE at large displacements; expected linear statics"),
+        ]  # fmt: skip
+        return next((text for found, text in problems if found), "")
 
     def _modal_damping(self, card: Card) -> None:
         self._inside(card)
@@ -290,16 +281,10 @@ class History:
             wanted = begin + increments.ends(step.card)
             wanted[-1] = self.time
         wanted = merged(on_the_way, wanted, increments.period)
-        self.steps.append(
-            replace(
-                state,
-                path=tuple(path),
-                increments=wanted,
-                motion=motion,
-                damping=self.damping,
-                perturbation=step.perturbation,
-            )
-        )
+        self.steps.append(replace(
+            state, path=tuple(path), increments=wanted, motion=motion, damping=self.damping,
+            perturbation=step.perturbation,
+        ))  # fmt: skip
         moment = Moment(self.amplitudes.factors(self.time))
         self.forces.end(moment)
         self.constraints.given.end(moment)
