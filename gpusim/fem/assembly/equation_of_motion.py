@@ -148,8 +148,8 @@ class EquationOfMotion:
         return self._forces(self.shift(1.0).forces(self.inside(a)))
 
     def base_motions(self) -> tuple[Float, Float, Float]:
-        """The centre of mass (3,), masses and moments of inertia about it (6,), and what M r does to
-        x: (6,3N), of translations and rotations r of all nodes about the centre."""
+        """The centre of mass (3,), masses and moments of inertia about it (6,), and what M r does
+        to x: (6,3N), of translations and rotations r of all nodes about the centre."""
         weights = np.asarray(self.mass.sum(axis=1)).ravel()
         centre = weights @ self.points / weights.sum()
         base = np.moveaxis(rigid_modes(self.points, centre, 1.0), 2, 0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -29,6 +29,8 @@ from gpusim.validation import Count, checked, finite_numbers, one_of, require
 _MOST = 1000
 # share of the free memory that the basis of the iteration may take
 _MEMORY = 0.5
+# of the greatest 1 / lambda: less belongs to motions without mass
+_MASSLESS = 1e-15
 # rows to begin with; times that a shift is brought nearer to the lowest elastic value, and of that
 # the multiple beyond which modes are hard to tell apart
 _START, _SHIFTS, _FAR = 8, 6, 2.0
@@ -177,7 +179,13 @@ class _Search:
         aim = 2.0 * self.options.tolerance / (1.0 + _FAR if self.shift else 1.0)
         pairs = davidson(self._pencil, count, AIM * aim, self._start, self.options.progress)
         self._start = pairs.vectors
+        if not pairs.converged and self.options.method == "auto" and self.solver.may_be_exact:
+            self.options = replace(self.options, method="direct")
+            self._prepare()
+            return self.lowest(count)
         mu, rows, rounding = sharpened(self.equation, self.equation.inertia, pairs.vectors, aim)
+        having = int((mu > _MASSLESS * mu[0]).sum())
+        require(having == count, "modes: count", count, f"at most {having} that have mass")
         error = 0.5 * (pairs.error * mu / pairs.values + rounding)
         return _Elastic(1.0 / mu, rows / np.sqrt(mu[:, None]), error, pairs.converged, pairs.steps)
 

@@ -13,8 +13,10 @@ from scipy.optimize import brentq
 import gpusim as gs
 from gpusim.errors import InputError, NotConverged
 from gpusim.fem.elements.element import ELEMENTS
+from gpusim.fem.linear import solve_plan
 from gpusim.fem.model.elimination import eliminate
 from gpusim.fem.model.mass import mass_matrix
+from gpusim.fem.procedures import davidson as iteration
 from gpusim.fem.procedures import modes as procedure
 from tests.support.element_meshes import mesh_of
 from tests.support.fem_reference import stiffness
@@ -334,6 +336,27 @@ def test_what_cant_vibrate_is_told() -> None:
     row = held(gs.mesh.quadratic(mesh, serendipity=True))
     with pytest.raises(NotConverged, match="'reduced'"):
         gs.modes(row, 4, formulation="reduced")
+
+
+def test_factors_take_over_where_cycles_fail(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Here they aren't given the time."""
+    model = held(gs.mesh.box((1, 1, 0.1), (8, 8, 1)))
+    monkeypatch.setattr(solve_plan, "_cheaper", lambda *_: (("multigrid", "direct"), "as asked"))
+    monkeypatch.setattr(iteration, "_STEPS", 1)
+    monkeypatch.setattr(iteration, "_STEPS_OF_EACH", 1)
+    found = gs.modes(model, 4)
+    assert found.method == "direct"
+    agree(found, model)
+
+
+def test_motions_without_mass_are_told() -> None:
+    """A rule of two points for six nodes leaves some."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1.0]])
+    mesh = gs.Mesh(points, {"wedge6": np.arange(6)[None]})
+    model = gs.Model(mesh, STEEL, np.repeat(points[:, 2:] == 0.0, 3, axis=1))
+    assert len(gs.modes(model, 6, mass="calculix", formulation="exact").frequencies) == 6
+    with pytest.raises(InputError, match="at most 6 that have mass"):
+        gs.modes(model, 9, mass="calculix", formulation="exact")
 
 
 def test_memory_is_asked_for_before_work(monkeypatch: pytest.MonkeyPatch) -> None:
