@@ -350,12 +350,12 @@ def test_factors_take_over_where_cycles_fail(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_motions_without_mass_are_told() -> None:
-    """A rule of two points for six nodes leaves some."""
+    """The three free nodes have the same shares at both points of the rule."""
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1.0]])
     mesh = gs.Mesh(points, {"wedge6": np.arange(6)[None]})
     model = gs.Model(mesh, STEEL, np.repeat(points[:, 2:] == 0.0, 3, axis=1))
-    assert len(gs.modes(model, 6, mass="calculix", formulation="exact").frequencies) == 6
-    with pytest.raises(InputError, match="at most 6 that have mass"):
+    assert len(gs.modes(model, 3, mass="calculix", formulation="exact").frequencies) == 3
+    with pytest.raises(InputError, match="at most 3 that have mass"):
         gs.modes(model, 9, mass="calculix", formulation="exact")
 
 
