@@ -119,6 +119,8 @@ class EquationOfMotion:
     def scalar_product(self, matrix: csr_matrix, x: Float) -> Float:
         """(L,3N) what a ``matrix`` (N,N), in the numbers inside and the same for the three
         directions, makes of x (L,3N)."""
+        if not len(x):
+            return x
         u = x.reshape(len(x), -1, 3)
         moved = u if self._elimination is None else self._elimination.displacements(u)
         return self._forces(Shift(self.element_mass, matrix, 1.0).forces(moved))
@@ -238,10 +240,9 @@ def _tangent(
     factors = solution.steps[-1].factors if solution.steps else np.ones(len(model.load_cases))
     own = {"incompatible", "bbar"} & set(formulation.values())
     finite = all(one.block.law.finite_strain for one in equation.responses)
-    alone = model.temperature is None and not model.loads
-    if finite and alone and not own and not solution.steps:
+    if finite and model.temperature is None and not own and not solution.steps:
         # linear theory, of laws for large displacements: stress is as linear as displacements
-        assembled = equation.about_linear(u)
+        assembled = equation.about_linear(u, factors)
     else:
         equation.relax(u, factors)
         assembled = equation.linearised(u, factors).assembled
