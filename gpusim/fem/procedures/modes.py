@@ -90,8 +90,9 @@ def modes(
     called = progress is None or callable(progress)
     require(called, "modes progress", repr(progress), "a function, or None")
     if prestress is not None:
+        own = isinstance(prestress, Solution) and prestress.model is model
         expected = "a Solution of this model"
-        require(prestress.model is model, "modes prestress", "one of another model", expected)
+        require(own, "modes prestress", type(prestress).__name__, expected)
     limits = None
     if band is not None:
         expected = "(low, high) in Hz, 0 <= low < high"
@@ -184,7 +185,7 @@ class _Search:
             self._prepare()
             return self.lowest(count)
         mu, rows, rounding = sharpened(self.equation, self.equation.inertia, pairs.vectors, aim)
-        having = int((mu > _MASSLESS * mu[0]).sum())
+        having = int((mu > max(_MASSLESS * mu[0], 1e-300)).sum())
         require(having == count, "modes: count", count, f"at most {having} that have mass")
         error = 0.5 * (pairs.error * mu / pairs.values + rounding)
         return _Elastic(1.0 / mu, rows / np.sqrt(mu[:, None]), error, pairs.converged, pairs.steps)

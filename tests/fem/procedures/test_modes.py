@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 
 import gpusim as gs
 from gpusim.errors import InputError, NotConverged
+from gpusim.fem.assembly import node_graph
 from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.linear import solve_plan
 from gpusim.fem.model.elimination import eliminate
@@ -310,6 +311,33 @@ def test_an_uneven_body() -> None:
     agree(gs.modes(model, 8, method="multigrid"), model)
 
 
+def test_results_are_in_the_models_own_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where nodes are numbered anew inside: of modes, of stressed ones, of buckling."""
+    mesh = mesh_of("tet10", (4, 3, 3), 0.03)
+    order = np.random.default_rng(1).permutation(mesh.node_count)
+    cells = np.argsort(order)[mesh.cells["tet10"]]
+
+    def results(mesh: gs.Mesh) -> tuple[gs.Modes, gs.Modes, gs.Buckling]:
+        forces = np.where(mesh.points[:, :1] > 0.99, [-1e7, 3e5, 0.0], 0.0)
+        model = held(mesh, forces=forces)
+        state = gs.solve(model, tolerance=1e-9)
+        return gs.modes(model, 3), gs.modes(model, 3, prestress=state), gs.buckling(model, 2)
+
+    plain = results(mesh)
+    monkeypatch.setattr(node_graph, "_FEW", 100)
+    for one, other in zip(
+        plain, results(gs.Mesh(mesh.points[order], {"tet10": cells})), strict=True
+    ):
+        for shape, expected in zip(other.shapes, one.shapes[:, order], strict=True):
+            off = min(np.abs(shape - expected).max(), np.abs(shape + expected).max())
+            assert off <= 1e-4 * np.abs(expected).max()
+        if isinstance(one, gs.Modes) and isinstance(other, gs.Modes):
+            assert np.allclose(other.frequencies, one.frequencies, rtol=1e-9)
+            assert np.allclose(other.effective_mass, one.effective_mass, rtol=1e-4, atol=1e-3)
+            assert np.allclose(other.total_mass, one.total_mass, rtol=1e-12)
+    assert np.allclose(plain[0].centre, [0.5, 0.4, 0.65])
+
+
 def test_what_cant_vibrate_is_told() -> None:
     mesh = gs.mesh.box((1, 0.1, 0.1), (8, 1, 1))
     model = held(mesh)
@@ -333,6 +361,10 @@ def test_what_cant_vibrate_is_told() -> None:
             gs.modes(model, **wrong)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="a Solution of this model"):
         gs.modes(model, prestress=gs.fem.solve(held(mesh)))
+    with pytest.raises(InputError, match="got int; expected a Solution of this model"):
+        gs.modes(model, prestress=3)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="got NoneType; expected a Model"):
+        gs.modes(None)  # type: ignore[arg-type]
     row = held(gs.mesh.quadratic(mesh, serendipity=True))
     with pytest.raises(NotConverged, match="'reduced'"):
         gs.modes(row, 4, formulation="reduced")
