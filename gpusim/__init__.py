@@ -74,6 +74,7 @@ if _typing.TYPE_CHECKING:
     from gpusim.fem import J2 as J2
     from gpusim.fem import Buckling as Buckling
     from gpusim.fem import Hencky as Hencky
+    from gpusim.fem import History as History
     from gpusim.fem import Isotropic as Isotropic
     from gpusim.fem import ModalDamping as ModalDamping
     from gpusim.fem import Model as Model
@@ -81,6 +82,7 @@ if _typing.TYPE_CHECKING:
     from gpusim.fem import NeoHookean as NeoHookean
     from gpusim.fem import Orthotropic as Orthotropic
     from gpusim.fem import Rayleigh as Rayleigh
+    from gpusim.fem import Record as Record
     from gpusim.fem import SaintVenantKirchhoff as SaintVenantKirchhoff
     from gpusim.fem import Solution as Solution
     from gpusim.fem import StructuralDamping as StructuralDamping
@@ -89,6 +91,8 @@ if _typing.TYPE_CHECKING:
     from gpusim.fem import harmonic as harmonic
     from gpusim.fem import modes as modes
     from gpusim.fem import random_response as random_response
+    from gpusim.fem import read_record as read_record
+    from gpusim.fem import transient as transient
     from gpusim.field import Field as Field
     from gpusim.field import read_field as read_field
     from gpusim.files.frame_source import FrameSource as FrameSource
@@ -142,9 +146,9 @@ _HOMES = {
         "OutOfDeviceMemory SceneError TwinMismatch"
     ),
     "gpusim.fem": (
-        "Buckling Hencky Isotropic J2 ModalDamping Model Modes NeoHookean Orthotropic Rayleigh "
-        "SaintVenantKirchhoff Solution StructuralDamping buckling frequency_response harmonic "
-        "modes random_response"
+        "Buckling Hencky History Isotropic J2 ModalDamping Model Modes NeoHookean Orthotropic "
+        "Rayleigh Record SaintVenantKirchhoff Solution StructuralDamping buckling "
+        "frequency_response harmonic modes random_response read_record transient"
     ),
     "gpusim.field": "Field read_field",
     "gpusim.files.frame_source": "FrameSource read_frames",

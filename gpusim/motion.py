@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
+import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
 
@@ -26,6 +27,17 @@ class Motion(Protocol):
 
     def reactions(self, state: State) -> Float:
         """(S, 3) N of the body's supports; none where nobody solved for them."""
+
+
+@runtime_checkable
+class Vibration(Motion, Protocol):
+    """A motion that is known at any instant, not only where frames are."""
+
+    def later(self, state: State, seconds: float) -> State:
+        """The state so many s after another one; less than 0: before it."""
+
+    def velocity(self, state: State) -> Float:
+        """(N, 3) m/s of the body's nodes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,3 +93,107 @@ class Given:
     def reactions(self, state: State) -> Float:
         """None."""
         return np.zeros((0, 3))
+
+
+@dataclass(frozen=True, eq=False)
+class Oscillation:
+    """Motions of one frequency each, of which a state names one by its number and says what share
+    of its period has passed: ``rest`` + Re(amplitude exp(2 pi i share)).
+
+    ``amplitudes`` (n, N, 3) m, complex where nodes aren't in phase, and ``frequencies`` (n,) Hz, by
+    ``numbers`` (n,) > 0; with the number 0 nothing moves. ``rest`` (N, 3) m: where.
+    """
+
+    numbers: Sequence[int]
+    amplitudes: npt.NDArray[Any]
+    frequencies: Float
+    rest: Float
+
+    def displacement(self, state: State) -> Float:
+        """(N, 3) m."""
+        return np.asarray(self.rest + self._part(state, 1.0))
+
+    def velocity(self, state: State) -> Float:
+        """(N, 3) m/s."""
+        return self._part(state, 2j * np.pi * self.frequency(state))
+
+    def later(self, state: State, seconds: float) -> State:
+        """The same motion in another phase."""
+        number, share = state
+        return number, share + seconds * self.frequency(state)
+
+    def frequency(self, state: State) -> float:
+        """Hz; 0 where nothing moves."""
+        return float(self.frequencies[self._place(state)]) if state[0] else 0.0
+
+    def reactions(self, state: State) -> Float:
+        """None."""
+        return np.zeros((0, 3))
+
+    def _part(self, state: State, factor: complex) -> Float:
+        if not state[0]:
+            return np.zeros_like(self.rest)
+        # a quarter of a period is one: nothing moves by what is rounded off
+        turned = factor * np.round(np.exp(2j * np.pi * state[1]), 15)
+        amplitude = self.amplitudes[self._place(state)]
+        return np.asarray(turned.real * amplitude.real - turned.imag * amplitude.imag)
+
+    def _place(self, state: State) -> int:
+        return list(self.numbers).index(int(state[0]))
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """Values (T, ...) at ``times`` (T,) s, with their ``rates`` and, where they are known,
+    ``accelerations``: polynomials of degree 5, else 3, between them."""
+
+    times: Float
+    values: Float
+    rates: Float
+    accelerations: Float | None = None
+
+    def at(self, time: float) -> tuple[Float, Float]:
+        """Value and rate; before and after all times, the first and the last value at rest."""
+        from scipy.interpolate import BPoly  # who has no such motion doesn't wait for it
+
+        first, last = self.times[[0, -1]]
+        if not first < time < last:
+            end = 0 if time <= first else -1
+            return np.asarray(self.values[end]), self.rates[end] * (time in (first, last))
+        k = int(np.searchsorted(self.times, time))
+        known = [self.values, self.rates, self.accelerations]
+        ends = np.stack([one[k - 1 : k + 1] for one in known if one is not None], axis=1)
+        between = BPoly.from_derivatives(self.times[k - 1 : k + 1], ends)
+        return np.asarray(between(time)), np.asarray(between.derivative()(time))
+
+
+@dataclass(frozen=True, eq=False)
+class Transient:
+    """A motion in time; a state is an instant. ``course``: of the nodes (N, 3) m, or of the
+    amplitudes (n,) of ``shapes`` (n, N, 3)."""
+
+    course: Course
+    shapes: Float | None = None
+
+    def displacement(self, state: State) -> Float:
+        """(N, 3) m."""
+        return self._at(state)[0]
+
+    def velocity(self, state: State) -> Float:
+        """(N, 3) m/s."""
+        return self._at(state)[1]
+
+    def later(self, state: State, seconds: float) -> State:
+        """Another instant."""
+        return (state[0] + seconds,)
+
+    def reactions(self, state: State) -> Float:
+        """None."""
+        return np.zeros((0, 3))
+
+    def _at(self, state: State) -> tuple[Float, Float]:
+        u, v = self.course.at(state[0])
+        if self.shapes is None:
+            return u, v
+        u, v = np.tensordot(np.stack([u, v]), self.shapes, axes=1)
+        return u, v

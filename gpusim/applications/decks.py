@@ -7,14 +7,17 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim._version import __version__
+from gpusim.applications.deck_results import arrays, nodal_fields, summary
 from gpusim.arrays.array_types import Float
 from gpusim.deck import Deck, Step, load_deck
+from gpusim.deck.procedures import MASS, Static
+from gpusim.deck.step import Result
 from gpusim.errors import GpusimError
 from gpusim.export import atomic_stream, write_pvd, write_vtu
 from gpusim.fem import Solution, von_mises
@@ -23,18 +26,19 @@ from gpusim.files.atomic_files import PathLike, write_text
 from gpusim.files.output_folder import claim, delete, inside
 
 _SCHEMA = 1
+_OF_SOLUTIONS = ("u", "reactions")
 
 
 @dataclass(frozen=True)
 class DeckOutput:
-    """The solutions of a deck's steps, and the files that were written.
+    """The results of a deck's steps, and the files that were written.
 
     Attributes
     ----------
     deck : as it was read.
-    solutions : of each step.
+    solutions : the result of each step, see `gpusim.deck.Deck.solve`.
     report : what report.json holds.
-    files : the VTU of each step, solution.pvd, displacements.npz, report.json.
+    files : the VTU of each step, solution.pvd, displacements.npz, further arrays, report.json.
     failure : which step didn't converge, and why; "" if all did.
 
     Examples
@@ -45,7 +49,7 @@ class DeckOutput:
     """
 
     deck: Deck
-    solutions: Sequence[Solution]
+    solutions: Sequence[Result]
     report: dict[str, Any]
     files: Sequence[Path]
     failure: str
@@ -61,14 +65,16 @@ def solve_deck(
     stress: bool = False,
     progress: Callable[[str, float, str], None] | None = None,
 ) -> DeckOutput:
-    """Solve the static steps of an input deck; write displacements and reactions.
+    """Solve the steps of an input deck; write displacements and reactions.
 
     Written are ``solution_<step>.vtu`` (displacement ``u``, ``reaction``, ``temperature_change``
     where there is one; with ``stress`` the mean ``stress`` of each element over its
     integration points, xx yy zz xy yz zx, and its ``von_mises``; of a nonlinear step what
     `gpusim.fem.Stress.results` has), ``solution.pvd``,
     ``displacements.npz`` (``node_labels`` (N,), ``points`` (N,3), ``u`` and ``reactions``
-    (S,N,3)) and ``report.json``, which also tells of an error. Units are those of the deck.
+    (S,N,3) of the static steps) and ``report.json``, which also tells of an error. Units are those
+    of the deck. Of other steps the VTU shows modes, the last state of a history, or the greatest
+    response; ``step_<step>.npz`` has all there is.
 
     Parameters
     ----------
@@ -101,23 +107,24 @@ def solve_deck(
             _write_report(folder, report | {"status": "failed", "error": str(error)})
             raise
         stresses = [
-            deck.point_stress(step.number, one) if stress and _reached(deck, one) else {}
+            deck.point_stress(step.number, one) if stress and _reached(one, deck) else {}
             for step, one in zip(deck.steps, solutions, strict=True)
         ]
         files = _write_solutions(deck, solutions, stresses, folder)
         report["seconds"]["total"] = time.perf_counter() - start
         rows = zip(deck.steps, solutions, files, stresses, strict=False)
         report["steps"] = [
-            _step_report(deck, step, solution, file.name) | _greatest_stress(deck, stress)
-            for step, solution, file, stress in rows
+            _of_step(deck, step, result) | {"file": file.name} | _greatest_stress(deck, stress)
+            for step, result, file, stress in rows
         ]
-        report["warnings"] = list(dict.fromkeys(text for one in solutions for text in one.warnings))
+        texts = (text for one in solutions for text in getattr(one, "warnings", ()))
+        report["warnings"] = list(dict.fromkeys(texts))
+        failed = (step for step in report["steps"] if not step["converged"])
         failure = next(
             (
-                f"{path}: step {step.number}: {one.message}; estimated error "
-                f"{one.error_estimate:.2g}; expected {tolerance:g}"
-                for step, one in zip(deck.steps, solutions, strict=True)
-                if not one.converged
+                f"{path}: step {step['number']}: {step['message']}; estimated error "
+                f"{step['error_estimate']:.2g}; expected {tolerance:g}"
+                for step in failed
             ),
             "",
         )
@@ -126,9 +133,11 @@ def solve_deck(
         return DeckOutput(deck, solutions, report, files, failure)
 
 
-def _reached(deck: Deck, solution: Solution) -> bool:
-    """Whether the analysis came to the end of the step of a solution."""
-    found = solution.steps
+def _reached(result: Result, deck: Deck) -> TypeGuard[Solution]:
+    """Whether it is of statics, and the analysis came to the end of its step."""
+    if not isinstance(result, Solution):
+        return False
+    found = result.steps
     return not deck.nonlinear or bool(found and found[-1].stress is not None)
 
 
@@ -137,7 +146,7 @@ def _solve_steps(
     backend: str,
     tolerance: float,
     progress: Callable[[str, float, str], None] | None,
-) -> tuple[Solution, ...]:
+) -> tuple[Result, ...]:
     equilibria = 0
 
     def note(iterations: int, error: float) -> None:
@@ -147,7 +156,8 @@ def _solve_steps(
         if deck.nonlinear:
             # steps that fail are made anew, halved: the number of equilibria isn't known
             equilibria += iterations == 1
-            wanted = sum(len(step.increments) for step in deck.steps)
+            static = (step for step in deck.steps if isinstance(step.procedure, Static))
+            wanted = sum(len(step.increments) for step in static)
             text = f"equilibrium {equilibria} of {wanted} or more, iteration {iterations}, "
             progress("solve", min(0.99, (equilibria - 1) / wanted), f"{text}{error:.1e}")
         else:
@@ -157,8 +167,9 @@ def _solve_steps(
 
     solutions = deck.solve(backend=backend, tolerance=tolerance, progress=note)
     if progress is not None:
-        worst = max(one.error_estimate for one in solutions)
-        progress("solve", 1.0, f"{len(solutions)} steps, estimated error {worst:.1e}")
+        errors = [one.error_estimate for one in solutions if isinstance(one, Solution)]
+        told = f", estimated error {max(errors):.1e}" if errors else ""
+        progress("solve", 1.0, f"{len(solutions)} steps{told}")
     return solutions
 
 
@@ -169,12 +180,14 @@ def _described(deck: Deck) -> dict[str, Any]:
         "formulation": dict(deck.formulation),
         "materials": len(deck.materials),
         "ignored": list(deck.ignored),
+        # of steps that aren't static
+        "mass_rule": MASS,
     }
 
 
 def _write_solutions(
     deck: Deck,
-    solutions: Sequence[Solution],
+    results: Sequence[Result],
     stresses: Sequence[Mapping[str, Float]],
     folder: Path,
 ) -> list[Path]:
@@ -182,14 +195,16 @@ def _write_solutions(
     # what an earlier deck left here must not be taken for results of this one
     earlier = (file.name for file in folder.glob("solution_[0-9]*.vtu"))
     stale = [file for file in earlier if file not in names]
+    stale += [file.name for file in folder.glob("step_[0-9]*.npz")]
     for file in ("report.json", *stale):
         delete(folder, file)
-    for step, solution, stress, name in zip(deck.steps, solutions, stresses, names, strict=True):
-        fields: dict[str, npt.NDArray[np.generic]] = {
-            "u": solution.u,
-            "reaction": solution.reactions,
-            "node_label": deck.node_labels,
-        }
+    for step, result, stress, name in zip(deck.steps, results, stresses, names, strict=True):
+        fields: dict[str, npt.NDArray[np.generic]] = (
+            {"u": result.u, "reaction": result.reactions}
+            if isinstance(result, Solution)
+            else nodal_fields(result)
+        )
+        fields["node_label"] = deck.node_labels
         if step.temperature is not None:
             fields["temperature_change"] = step.temperature
         of_cell: dict[str, npt.NDArray[np.generic]] = {
@@ -199,7 +214,9 @@ def _write_solutions(
         if stress:
             mean = np.concatenate([points.mean(axis=1) for points in stress.values()])
             of_cell |= {"stress": mean, "von_mises": von_mises(mean)}
-            recovered = solution.steps[-1].stress if solution.steps else None
+            recovered = (
+                result.steps[-1].stress if isinstance(result, Solution) and result.steps else None
+            )
             if recovered is not None:
                 fields |= recovered.nodal_results
         write_vtu(
@@ -209,26 +226,37 @@ def _write_solutions(
             point_data=fields,
             cell_data=of_cell,
         )
-    files = [inside(folder, name) for name in (*names, "solution.pvd", "displacements.npz")]
+    solutions = [one for one in results if isinstance(one, Solution)]
+    files = [inside(folder, name) for name in (*names, "solution.pvd")]
     steps = [(float(step.number), path) for step, path in zip(deck.steps, files, strict=False)]
-    write_pvd(files[-2], steps)
-    with atomic_stream(files[-1]) as stream:
-        np.savez_compressed(
-            stream,
-            node_labels=deck.node_labels,
-            points=deck.mesh.points,
-            u=np.stack([one.u for one in solutions]),
-            reactions=np.stack([one.reactions for one in solutions]),
-        )
+    write_pvd(files[-1], steps)
+    kept = {f"step_{k:04d}.npz": arrays(one) for k, one in enumerate(results, 1)}
+    if solutions:
+        both: dict[str, Any] = {
+            name: np.stack([getattr(one, name) for one in solutions]) for name in _OF_SOLUTIONS
+        }
+        kept = {"displacements.npz": both, **kept}
+    for name, values in kept.items():
+        if values:
+            files.append(inside(folder, name))
+            with atomic_stream(files[-1]) as stream:
+                np.savez_compressed(
+                    stream, node_labels=deck.node_labels, points=deck.mesh.points, **values
+                )
     return files
 
 
-def _step_report(deck: Deck, step: Step, solution: Solution, file: str) -> dict[str, Any]:
+def _of_step(deck: Deck, step: Step, result: Result) -> dict[str, Any]:
+    found = (
+        _step_report(deck, step, result) if isinstance(result, Solution) else summary(result, deck)
+    )
+    return {"number": step.number, "name": step.name, "time": step.time} | found
+
+
+def _step_report(deck: Deck, step: Step, solution: Solution) -> dict[str, Any]:
     size, stored = np.linalg.norm(solution.u, axis=1), float(solution.strain_energy[0])
     return {
-        "number": step.number,
-        "name": step.name,
-        "time": step.time,
+        "kind": "static",
         "unknowns": solution.unknowns,
         "iterations": solution.iterations,
         "load_steps": len(solution.steps),
@@ -246,7 +274,6 @@ def _step_report(deck: Deck, step: Step, solution: Solution, file: str) -> dict[
         "seconds": sum(solution.timings.values()),
         "backend": solution.backend,
         "method": solution.method,
-        "file": file,
     }
 
 

@@ -257,7 +257,7 @@ def solve(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Solve the static steps of an input deck and write displacements and reactions."""
+    """Solve the steps of an input deck and write displacements, reactions, modes and motions."""
     with exit_codes():
         with importing():
             from gpusim.applications.decks import solve_deck

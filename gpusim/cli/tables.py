@@ -87,8 +87,8 @@ def print_calibration(report: Report, folder: Path) -> None:
 
 
 def print_deck(report: Mapping[str, Any], folder: Path) -> None:
-    """A line for each step: unknowns, iterations (of Newton's method where there are load steps),
-    largest displacement, reaction."""
+    """A line for each static step: unknowns, iterations (of Newton's method where there are load
+    steps), largest displacement, reaction; what the others have found below."""
     cells = ", ".join(
         f"{count} {kind} ({report['formulation'][kind]})" for kind, count in report["cells"].items()
     )
@@ -96,7 +96,8 @@ def print_deck(report: Mapping[str, Any], folder: Path) -> None:
     rows: list[Sequence[str] | str] = [
         ("step", "unknowns", "iterations", "error", "largest u", "at node", "energy", "reaction")
     ]
-    for step in report["steps"]:
+    static = [step for step in report["steps"] if step["kind"] == "static"]
+    for step in static:
         energy = step["strain_energy"]
         rows.append((
             f"{step['number']}", f"{step['unknowns']}",
@@ -112,12 +113,46 @@ def print_deck(report: Mapping[str, Any], folder: Path) -> None:
                 f"      largest von Mises stress {step['largest_von_mises']:.6g} in element "
                 f"{step['largest_von_mises_element']}"
             )
-    print_rows(rows, "<>>>>>><")
+    if static:
+        print_rows(rows, "<>>>>>><")
+    for step in report["steps"]:
+        if step["kind"] != "static":
+            _print_motion(step)
+    if len(static) < len(report["steps"]):
+        out(f"mass: rule {report['mass_rule']!r}")
     for warning in report["warnings"]:
         out(f"warning: {warning}")
     if report["ignored"]:
         out(f"read over: {', '.join(report['ignored'])}")
-    out(f"\nResults: {folder / 'solution.pvd'}, {folder / 'displacements.npz'}")
+    arrays = "displacements.npz" if static else f"step_{report['steps'][0]['number']:04d}.npz"
+    out(f"\nResults: {folder / 'solution.pvd'}, {folder / arrays}")
+
+
+def _print_motion(step: Mapping[str, Any]) -> None:
+    """What a step with modes, buckling or motion has found."""
+    head = f"step {step['number']}: {step['kind']}"
+    rows: list[Sequence[str] | str] = []
+    if step["kind"] == "modes":
+        rows.append(("mode", "frequency", "mass x", "mass y", "mass z"))
+        pairs = zip(step["frequencies"], step["effective_mass"], strict=True)
+        for number, (frequency, masses) in enumerate(pairs, 1):
+            wholes = zip(masses[:3], step["total_mass"][:3], strict=True)
+            shares = [f"{own / whole:.1%}" for own, whole in wholes]
+            rows.append((f"{number}", f"{frequency:.7g}", *shares))
+    elif step["kind"] == "buckling":
+        rows.append(("mode", "factor"))
+        rows += [(f"{k}", f"{factor:.7g}") for k, factor in enumerate(step["factors"], 1)]
+    if rows:
+        out(f"{head}, estimated error {step['error_estimate']:.1e}")
+        print_rows(rows, ">" * len(rows[0]))
+    else:
+        where = f"at node {step['largest_displacement_node']}"
+        when = (
+            f"time {step['at_time']:.6g} of {step['instants']} instants"
+            if "at_time" in step
+            else f"{step['at_frequency']:.6g} of {len(step['frequencies'])} frequencies"
+        )
+        out(f"{head}, largest u {step['largest_displacement']:.6g} {where}, {when}")
 
 
 def print_plan(made: Plan) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -94,15 +93,9 @@ class Interval:
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
-    """The factors ``at`` times (T,); of loads given in ``step``, 0: in any."""
+class Amplitude:
+    """Factors over time, linear in between."""
 
-    at: Callable[[Float], Float]
-    step: int
-
-
-@dataclass(frozen=True, eq=False)
-class _Amplitude:
     times: Float
     factors: Float
     number: int  # 0: over the time of the step in which a load is given
@@ -111,15 +104,15 @@ class _Amplitude:
     def at(self, time: Float | float) -> Float:
         return np.asarray(np.interp(time, self.times, self.factors))
 
-    def within(self, step: Interval, number: int) -> _Amplitude:
+    def within(self, step: Interval, number: int) -> Amplitude:
         """The same over total time, in a step, and as it is at its end from then on."""
         inside = self.times < step.period
         times = np.append(self.times[inside], step.period)
         factors = np.append(self.factors[inside], self.at(step.period))
-        return _Amplitude(step.begin + times, factors, number, step.number)
+        return Amplitude(step.begin + times, factors, number, step.number)
 
 
-class _Acceleration(_Amplitude):
+class _Acceleration(Amplitude):
     """Of a harmonic motion over frequency in Hz."""
 
     def at(self, time: Float | float) -> Float:
@@ -135,8 +128,8 @@ class Amplitudes:
     """
 
     def __init__(self) -> None:
-        self.known: Names[_Amplitude] = Names("amplitude")
-        self.following: list[_Amplitude] = []
+        self.known: Names[Amplitude] = Names("amplitude")
+        self.following: list[Amplitude] = []
         self._within: dict[tuple[int, int], int] = {}
 
     def read(self, card: Card) -> None:
@@ -149,7 +142,7 @@ class Amplitudes:
                 "growing time and factor"
             )
         total = "TOTAL" in card.parameters.get("TIME", "").upper()
-        one = _Amplitude(times, factors, len(self.following) + 1 if total else 0)
+        one = Amplitude(times, factors, len(self.following) + 1 if total else 0)
         self.known.define(name, one, card.where())
         if total:
             self.following.append(one)
@@ -179,12 +172,11 @@ class Amplitudes:
         self.following.append(_Acceleration(own.times, own.factors, count, own.step))
         return Scale(count, scale.step)
 
-    def courses(self) -> list[tuple[Moment, Course]]:
-        """What follows nothing, and what follows each amplitude: a moment at which nothing else is
-        there, and its factors over total time."""
-        every = [_Amplitude(np.zeros(1), np.ones(1), 0), *self.following]
-        moments = map(Moment, np.eye(len(every)))
-        return [(moment, Course(one.at, one.step)) for moment, one in zip(moments, every)]
+    def courses(self) -> list[tuple[Moment, Amplitude]]:
+        """Each amplitude that is followed, and a moment at which only what follows it is there; of
+        the first, which is 1, what follows none."""
+        every = [Amplitude(np.zeros(1), np.ones(1), 0), *self.following]
+        return list(zip(map(Moment, np.eye(len(every))), every, strict=True))
 
     def corners(self, step: Interval, first: float) -> Float:
         """Total times in a step at which what is followed bends, and the end of its ``first``

@@ -1,26 +1,19 @@
-"""Procedures: what is done in a step, as its card says, and how. Those without motion."""
+"""Procedures without motion: statics, natural frequencies, linear buckling."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf
-from typing import TYPE_CHECKING, ClassVar
 
 from gpusim.deck.increments import Increments
 from gpusim.deck.materials import at_finite_strain
-from gpusim.deck.step import Step
-from gpusim.fem import Buckling, HarmonicResponse, Modes, Solution, buckling, modes
-from gpusim.fem.model.history import History
+from gpusim.deck.step import Analysis, Procedure, Step
+from gpusim.errors import NotConverged
+from gpusim.fem import Buckling, Modes, Solution, buckling, modes
 from gpusim.mesh.formats.abaqus.cards import Card, number
 from gpusim.validation import require
 
-if TYPE_CHECKING:
-    from gpusim.deck.deck import Deck
-
-Result = Solution | Modes | Buckling | History | HarmonicResponse
-"""Of a step."""
 MASS = "calculix"
 """The rule by which elements of decks have their mass."""
 
@@ -28,59 +21,6 @@ NONE = Increments(period=0.0)
 
 # what `Modes` have of each mode
 _OF_MODES = ("frequencies", "shapes", "participation", "effective_mass", "error_estimate")
-
-
-@dataclass(frozen=True, eq=False)
-class Reached:
-    """What is known when a step's turn comes: the solutions of all ``static`` steps by number, and
-    the results of the steps ``before``."""
-
-    deck: Deck
-    static: Mapping[int, Solution]
-    before: Sequence[Result]
-    tolerance: float
-
-    @property
-    def modes(self) -> Modes:
-        """Those found last."""
-        return [one for one in self.before if isinstance(one, Modes)][-1]
-
-    def equilibrium(self, step: Step) -> Solution | None:
-        """About which a step is a perturbation: the last one, where large displacements would have
-        come to be if it is linear."""
-        if not step.perturbation:
-            return None
-        state = last_static(self.deck.steps[: step.number])
-        assert state is not None
-        found = self.static[state.number]
-        if self.deck.nonlinear:
-            return found
-        warm = None if state.temperature is None else state.temperature[None]
-        materials = [at_finite_strain(one) for one in self.deck.materials]
-        model = replace(self.deck.model_of([state]), materials=materials, temperature=warm)
-        return replace(found, model=model)
-
-
-@dataclass(frozen=True)
-class Procedure(ABC):
-    """What ``increments`` of time a step has, and what it does in them. In one that ``moves`` loads
-    are there from the beginning on; a ``fresh`` one has no loads but its own."""
-
-    moves: ClassVar[bool] = False
-    fresh: ClassVar[bool] = False
-    increments: Increments
-
-    @abstractmethod
-    def unfit(self, before: Sequence[Step], perturbation: bool) -> str:
-        """What speaks against it after the steps ``before``, if anything."""
-
-    def superposes(self, before: Sequence[Step]) -> Step | None:
-        """The step whose modes it superposes."""
-        return None
-
-    @abstractmethod
-    def solve(self, step: Step, reached: Reached) -> Result:
-        """The result of a step."""
 
 
 @dataclass(frozen=True)
@@ -96,13 +36,13 @@ class Static(Procedure):
         """About a first step, a perturbation means that step's stress stiffness in CalculiX, and
         its loads don't act: the first step of a linear analysis has neither."""
         if any(one.procedure.moves for one in before):
-            return "*STATIC after a step in which the body moves; expected it before"
+            return "after a step in which the body moves; expected it before"
         about = perturbation and len(before) > 0
         return "PERTURBATION about an earlier step; expected it in the first one" * about
 
-    def solve(self, step: Step, reached: Reached) -> Solution:
+    def solve(self, step: Step, analysis: Analysis) -> Solution:
         """All of them are solved together."""
-        return reached.static[step.number]
+        return analysis.static[step.number]
 
 
 @dataclass(frozen=True)
@@ -125,11 +65,14 @@ class Frequency(Procedure):
         alone = perturbation and last_static(before) is None
         return "PERTURBATION about no step; expected a step with *STATIC before it" * alone
 
-    def solve(self, step: Step, reached: Reached) -> Modes:
+    def solve(self, step: Step, analysis: Analysis) -> Modes:
         """As in CalculiX those beyond the band are counted, too."""
-        deck, about = reached.deck, reached.equilibrium(step)
-        model = deck.model_of([step]) if about is None else about.model
-        found = modes(model, self.count, mass=MASS, formulation=deck.formulation, prestress=about)
+        about, names = equilibrium(step, analysis), analysis.formulation
+        model = analysis.model_of([step]) if about is None else about.model
+        assert model is not None
+        found = modes(
+            model, self.count, mass=MASS, formulation=names, prestress=about, method=analysis.method
+        )
         at = found.frequencies
         inside = (at >= self.least) & (at <= self.greatest)
         chosen = {name: getattr(found, name)[inside] for name in _OF_MODES}
@@ -140,7 +83,7 @@ class Frequency(Procedure):
 class LinearBuckling(Procedure):
     """*BUCKLE: the ``count`` lowest factors of the step's loads."""
 
-    fresh: ClassVar[bool] = True
+    fresh = True
     count: int
 
     @classmethod
@@ -154,16 +97,40 @@ class LinearBuckling(Procedure):
         about = perturbation and len(before) > 0
         return "PERTURBATION with *BUCKLE; expected all loads in the step itself" * about
 
-    def solve(self, step: Step, reached: Reached) -> Buckling:
+    def solve(self, step: Step, analysis: Analysis) -> Buckling:
         """By linear theory."""
-        deck = reached.deck
-        return buckling(deck.model_of([step]), self.count, formulation=deck.formulation)
+        model, names = analysis.model_of([step]), analysis.formulation
+        return buckling(model, self.count, formulation=names, method=analysis.method)
+
+
+def equilibrium(step: Step, analysis: Analysis) -> Solution | None:
+    """About which a step is a perturbation: the last one, where large displacements would have come
+    to be if it is linear."""
+    state = last_static(analysis.steps[: step.number]) if step.perturbation else None
+    if state is None:
+        return None
+    found = converged(analysis.static[state.number], step)
+    if analysis.nonlinear:
+        return found
+    warm = None if state.temperature is None else state.temperature[None]
+    materials = [at_finite_strain(one) for one in analysis.materials]
+    model = analysis.model_of([state])
+    model = replace(model, materials=materials, temperature=warm, loads=state.followers())
+    return replace(found, model=model)
 
 
 def last_static(steps: Sequence[Step]) -> Step | None:
     """The last step with *STATIC."""
     found = [one for one in steps if isinstance(one.procedure, Static)]
     return found[-1] if found else None
+
+
+def converged(solution: Solution, step: Step) -> Solution:
+    """A solution from which a step can go on. Raises NotConverged."""
+    if not solution.converged:
+        what = f"step {step.number}: the static analysis before it"
+        raise NotConverged(f"{what}: {solution.message}; expected an equilibrium")
+    return solution
 
 
 def values(card: Card, count: int) -> list[float]:

@@ -16,9 +16,9 @@ from gpusim.deck.forces import Forces, following_pressures, pressure_forces
 from gpusim.deck.increments import Increments, merged
 from gpusim.deck.initial_state import InitialMotion, InitialStress, temperature_forces
 from gpusim.deck.materials import Body
-from gpusim.deck.modal_dynamics import ModalDynamics, SteadyState, read_modal_damping
-from gpusim.deck.procedures import Frequency, LinearBuckling, Procedure, Static, last_static
-from gpusim.deck.step import Motion, Step
+from gpusim.deck.modal_dynamics import HarmonicDynamics, ModalDynamics, read_modal_damping
+from gpusim.deck.procedures import Frequency, LinearBuckling, Static, last_static
+from gpusim.deck.step import Motion, Procedure, Step
 from gpusim.fem import FollowerPressure
 from gpusim.fem.model.constraints import touched
 from gpusim.fem.model.damping import Damping
@@ -41,7 +41,7 @@ _PROCEDURES: dict[str, Callable[[Card, Card], Procedure]] = {
     "FREQUENCY": Frequency.read,
     "BUCKLE": LinearBuckling.read,
     "MODALDYNAMIC": ModalDynamics.read,
-    "STEADYSTATEDYNAMICS": SteadyState.read,
+    "STEADYSTATEDYNAMICS": HarmonicDynamics.read,
     "DYNAMIC": Dynamics.read,
 }
 
@@ -93,7 +93,7 @@ class History:
         def reader(card: Card) -> None:
             forces, case = self.forces, card.parameters.get("LOADCASE", "1")
             if case != "1":
-                harmonic = isinstance(self._inside(card).procedure, SteadyState)
+                harmonic = isinstance(self._inside(card).procedure, HarmonicDynamics)
                 expected = "1, or 2 in a step with *STEADY STATE DYNAMICS"
                 require(harmonic and case == "2", f"{card.where()}: LOAD CASE", case, expected)
                 forces = self.quadrature
@@ -124,7 +124,7 @@ class History:
         return self.amplitudes.scale(card, self._interval(procedure))
 
     def _interval(self, procedure: Procedure | None) -> Interval:
-        if isinstance(procedure, SteadyState):
+        if isinstance(procedure, HarmonicDynamics):
             # what amplitudes are over
             return Interval(len(self.steps) + 1, 0.0, procedure.greatest)
         increments = Increments() if procedure is None else procedure.increments
@@ -146,7 +146,8 @@ class History:
             self.initial[nodes] = value
 
     def _temperature(self, card: Card) -> None:
-        self._inside(card)
+        if isinstance(self._inside(card).procedure, LinearBuckling):
+            card.fail("in a step with *BUCKLE; expected forces, or a static analysis")
         if self.temperature is None:
             self.temperature = Ramped(self.initial.copy())
         self._renew(card, self.temperature.clear)
@@ -181,23 +182,50 @@ class History:
         step = self._inside(card)
         step.procedure = procedure = _PROCEDURES[card.keyword](card, step.card)
         step.perturbation = "PERTURBATION" in step.card.parameters
-        problem = procedure.unfit(self.steps, step.perturbation)
-        if step.perturbation and self.body.nonlinear and not self.steps:
-            problem = "PERTURBATION in the first step of a nonlinear deck; expected it later"
-        if self.motion.where and not (self.steps or isinstance(procedure, Dynamics)):
-            problem = (f"displacements or velocities at the beginning ({self.motion.where}); "
-                       "expected *DYNAMIC in the first step")  # fmt: skip
+        problem = procedure.unfit(self.steps, step.perturbation) or self._unfit(step, procedure)
         if problem:
             card.fail(problem)
         # what a state is stressed by isn't there again for perturbations of it
-        again = any(one.perturbation and one.procedure.moves for one in self.steps)
-        if procedure.fresh or (step.perturbation and procedure.moves and not again):
+        if procedure.fresh or (step.perturbation and procedure.moves):
             self.forces.clear()
             self.quadrature.clear()
             if self.temperature is not None:
                 self.temperature.clear()
             if step.perturbation:
                 self.constraints.given.clear()
+
+    def _unfit(self, step: _Open, procedure: Procedure) -> str:
+        """What speaks against a procedure in this deck, if anything."""
+        body, about = self.body, step.perturbation
+        spun = any(one.kind == "CENTRIF" for one in self.forces.bodies)
+        moves = isinstance(procedure, Dynamics)
+        problems = {
+            "PERTURBATION in the first step of a nonlinear deck": (
+                about and body.nonlinear and not self.steps
+            ),
+            "PERTURBATION about a state with CENTRIF, which changes as the body moves": (
+                about and spun
+            ),
+            "PERTURBATION about metal, of whose state only its stress is known": (
+                about and body.has_history
+            ),
+            "initial stress, which other steps than *STATIC don't know": (
+                bool(self.stress.values) and not isinstance(procedure, Static)
+            ),
+            f"motion before the first step ({self.motion.where}), which isn't *DYNAMIC": (
+                bool(self.motion.where) and not self.steps and not moves
+            ),
+            "BETA of *DAMPING at large displacements, where it would damp rotations": (
+                moves and body.nonlinear and body.damping.stiffness > 0.0
+            ),
+            "AMPLITUDE=RAMP of *STEP; expected loads that are there at once": (
+                procedure.moves and step.card.parameters.get("AMPLITUDE", "").upper() == "RAMP"
+            ),
+            "*BUCKLE at large displacements; expected linear statics": (
+                body.nonlinear and isinstance(procedure, LinearBuckling)
+            ),
+        }
+        return next((text for text, found in problems.items() if found), "")
 
     def _modal_damping(self, card: Card) -> None:
         self._inside(card)
@@ -206,7 +234,7 @@ class History:
     def _base_motion(self, card: Card) -> None:
         """All supports in a direction move alike, those in the others rest."""
         step = self._inside(card)
-        if not isinstance(step.procedure, ModalDynamics | SteadyState):
+        if not isinstance(step.procedure, ModalDynamics | HarmonicDynamics):
             card.fail("outside of modal superposition; expected *MODAL DYNAMIC or *STEADY STATE "
                       "DYNAMICS before it in the step")  # fmt: skip
         where, kind = card.where(), card.parameters.get("TYPE", "DISPLACEMENT").upper()
@@ -218,7 +246,7 @@ class History:
         require(not turned, f"{where}: supports", "some in turned axes", "none with *TRANSFORM")
         scale = self.amplitudes.scale(card, self._interval(step.procedure))
         if kind == "ACCELERATION":
-            swept = isinstance(step.procedure, SteadyState) and step.procedure.least > 0.0
+            swept = isinstance(step.procedure, HarmonicDynamics) and step.procedure.least > 0.0
             require(swept, f"{where}: TYPE", kind, "DISPLACEMENT but in steady states above 0 Hz")
             scale = self.amplitudes.integrated(scale)
         if card.keyword not in step.seen:
@@ -231,7 +259,7 @@ class History:
         self.open = None
         procedure = step.procedure
         if procedure is None:
-            step.card.fail("no procedure; expected *STATIC, or another one, in the step")
+            step.card.fail("no procedure; expected *STATIC in the step, or another one")
         interval, begin = self._interval(procedure), self.time
         self.time += procedure.increments.period
         on_the_way = self._on_the_way(procedure, interval)
@@ -243,6 +271,12 @@ class History:
         )
         motion = self._motion(step, interval) if procedure.moves else None
         of_motion = [] if motion is None else motion.cases
+        pulled = any(one.prescribed.any() for one in of_motion)
+        if pulled and (step.perturbation or isinstance(procedure, Dynamics)):
+            step.card.fail("displacements of supports; expected none with *DYNAMIC, nor about a "
+                           "stressed state")  # fmt: skip
+        if any(one.temperature is not None and one.temperature.any() for one in of_motion):
+            step.card.fail("a changed temperature where the body moves; expected *STATIC")
         for one in (*path, state, *of_motion) if self.body.nonlinear else of_motion:
             if not one.held_as((*self.steps, *path, state)[0] if self.body.nonlinear else state):
                 step.card.fail(
@@ -279,20 +313,20 @@ class History:
 
     def _motion(self, step: _Open, interval: Interval) -> Motion:
         """What acts in it, sorted by what it follows."""
-        cases, courses, ahead = [], [], []
-        for moment, course in self.amplitudes.courses():
+        acting = [
+            (self._state(step, moment, forces, alone=ahead), course, ahead)
+            for moment, course in self.amplitudes.courses()
             # superposition forgets what followed the time of an earlier step, as CalculiX does
-            kept = course.step in (0, interval.number) or isinstance(step.procedure, Dynamics)
-            for ahead, forces in ((False, self.forces), (True, self.quadrature)):
-                case = self._state(step, moment, forces, alone=ahead)
-                if kept and not case.idle:
-                    cases.append(case)
-                    courses.append(course)
-                    ahead.append(number > 0)
-        if not cases:
-            moment, course = self.amplitudes.courses()[0]
-            cases, courses, ahead = [self._state(step, moment, self.forces)], [course], [False]
-        return Motion(interval.begin, cases, courses, ahead)
+            if course.step in (0, interval.number) or isinstance(step.procedure, Dynamics)
+            for ahead, forces in ((False, self.forces), (True, self.quadrature))
+        ]
+        acting = [one for one in acting if not one[0].idle] or acting[:1]
+        modal = [one for one in self.steps if isinstance(one.procedure, ModalDynamics)]
+        if modal and isinstance(step.procedure, ModalDynamics):
+            if any(course.number and not course.step for _, course, _ in acting):
+                step.card.fail("an amplitude over total time in a second step with *MODAL DYNAMIC, "
+                               "where programs differ; expected one over its own time")  # fmt: skip
+        return Motion(interval.begin, *zip(*acting, strict=True))
 
     def _on_the_way(self, procedure: Procedure, interval: Interval) -> Float:
         """Total times between which the loads of a nonlinear step go straight."""
@@ -319,10 +353,10 @@ class History:
         if self.temperature is not None and not alone:
             change = self.temperature.at(moment) - moment.factors[0] * self.initial
         forces, pressed = own.nodal_forces(moment), own.pressed(moment)
-        loads: tuple[FollowerPressure, ...] = ()
-        if pressed is not None and self.body.nonlinear:
-            loads = following_pressures(self.body, *pressed)
-        elif pressed is not None:
+        followers: Callable[[], tuple[FollowerPressure, ...]] = tuple
+        if pressed is not None:
+            followers = partial(following_pressures, self.body, *pressed)
+        if pressed is not None and not self.body.nonlinear:
             forces += pressure_forces(self.body, *pressed)
         for one in own.body_forces(moment):
             forces += one
@@ -340,5 +374,6 @@ class History:
             temperature=change,
             constraints=constraints,
             procedure=step.procedure,
-            loads=loads,
+            loads=followers() if self.body.nonlinear else (),
+            followers=followers,
         )

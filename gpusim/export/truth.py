@@ -154,19 +154,17 @@ class TruthWriter:
         self,
         step: int,
         displacement: Float,
-        *,
-        load_factor: float | None = None,
-        time: float | None = None,
+        **when: float,
     ) -> None:
         """Write u (N, 3) float64 m of one step; the mesh must have been written.
 
-        ``load_factor`` or ``time`` (of a given field) say what the step is.
+        ``when`` says what the step is: load_factor, time, phase_deg, or mode.
         """
         require("mesh" in self._file, "nodal displacement", "no mesh", "write_mesh before")
         _check("displacement", displacement, self._file["mesh/points"].shape)
         group = self._file["mesh"].require_group("displacement")
         data = _nodal(group, _frame_name(step), displacement)
-        _say_when(data, load_factor, time)
+        data.attrs.update(when)
 
     def write_camera(
         self,
@@ -210,16 +208,15 @@ class TruthWriter:
         self,
         camera: str,
         index: int,
-        *,
-        load_factor: float | None = None,
-        time: float | None = None,
+        **when: float,
     ) -> FrameWriter:
-        """Return the writer of frame ``index`` of a camera that has been written."""
+        """Return the writer of frame ``index`` of a camera that has been written; ``when`` as
+        `write_nodal_displacement` has it."""
         path = f"camera/{safe_name(camera)}"
         require(path in self._file, "frame", f"camera {camera!r}", "write_camera before")
         group = self._file[path]
         frame = group.require_group("frame").create_group(_frame_name(index), track_order=True)
-        _say_when(frame, load_factor, time)
+        frame.attrs.update(when)
         return FrameWriter(frame, (int(group.attrs["height"]), int(group.attrs["width"])))
 
     @property
@@ -227,12 +224,6 @@ class TruthWriter:
         if self._open_file is None:
             raise InputError("truth file: it is closed; expected use inside its 'with' block")
         return self._open_file
-
-
-def _say_when(item: h5py.HLObject, load_factor: float | None, time: float | None) -> None:
-    for name, value in (("load_factor", load_factor), ("time", time)):
-        if value is not None:
-            item.attrs[name] = value
 
 
 def _frame_name(index: int) -> str:

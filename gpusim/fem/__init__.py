@@ -36,6 +36,7 @@ from gpusim.fem.model.constraints import Equations, equations, tie
 from gpusim.fem.model.damping import ModalDamping, Rayleigh, StructuralDamping
 from gpusim.fem.model.follower_loads import FollowerPressure
 from gpusim.fem.model.harmonic_response import HarmonicResponse
+from gpusim.fem.model.history import EnergyHistory, History
 from gpusim.fem.model.loads import (
     body_force,
     centrifugal,
@@ -48,6 +49,7 @@ from gpusim.fem.model.loads import (
 from gpusim.fem.model.mass import lumped_mass, mass_matrix
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.modes import Modes
+from gpusim.fem.model.record import Record, read_record
 from gpusim.fem.model.solution import LoadStep, Solution
 from gpusim.fem.model.supports import symmetry
 from gpusim.fem.model.thermal_loads import thermal
@@ -57,16 +59,19 @@ from gpusim.fem.procedures.harmonic import harmonic
 from gpusim.fem.procedures.modes import modes
 from gpusim.fem.procedures.random_response import RandomResponse, random_response
 from gpusim.fem.procedures.statics import solve
+from gpusim.fem.procedures.transient import transient
 from gpusim.fem.recovery.stress import Stress, principal, stress, von_mises
 
 __all__ = [
     "J2",
     "METHODS",
     "Buckling",
+    "EnergyHistory",
     "Equations",
     "FollowerPressure",
     "HarmonicResponse",
     "Hencky",
+    "History",
     "IsochoricNeoHookean",
     "Isotropic",
     "Law",
@@ -79,6 +84,7 @@ __all__ = [
     "Orthotropic",
     "RandomResponse",
     "Rayleigh",
+    "Record",
     "SaintVenantKirchhoff",
     "Solution",
     "Stress",
@@ -100,12 +106,14 @@ __all__ = [
     "pressure",
     "principal",
     "random_response",
+    "read_record",
     "solve",
     "stress",
     "symmetry",
     "thermal",
     "tie",
     "traction",
+    "transient",
     "von_mises",
 ]
 

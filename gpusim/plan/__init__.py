@@ -8,6 +8,7 @@ In the order in which data passes:
 - `stage_builder`: What the stages of a scene are made with: its parts, its frames, and how it is
   run.
 - `motion_stages`: The stages that find a scene's motion, for each kind of analysis.
+- `vibration_stages`: The same of modes, steady vibrations and motions in time.
 - `scene_stages`: The stages of a scene, and what each depends on: the graph of its run.
 - `decision`: What is done with each result of a run, before any work: its graph, against what lies
   there.

@@ -33,7 +33,7 @@ def static_stages(build: StageBuilder) -> Iterator[Stage]:
         groups = load_groups(body, scene.analysis.load_factors, options.skip)
         cases = [[group.loads, group.supports] for group in groups]
         yield build.stage(f"model/{body.name}", "mechanics:model", [f"body.{body.name}.solid"],
-                          {f"mesh/{body.name}": first}, [cases], "model")  # fmt: skip
+                          {f"mesh/{body.name}": first}, [[cases, False]], "model")  # fmt: skip
     yield build.stage("solve", "mechanics:solve_scene", ["solver", "body.*.formulation"],
                       build.of_bodies("model"), [None], "solve", keeps=True,
                       on_device=True)  # fmt: skip

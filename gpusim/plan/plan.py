@@ -13,10 +13,9 @@ from gpusim.plan.scene_stages import TARGET
 from gpusim.plan.stages import Plan, PlannedStage, RunOptions, timed, works_of
 from gpusim.scene import Scene, plausibility
 from gpusim.scene import cost as cost_of
-from gpusim.scene.analyses import kind_of
 from gpusim.scene.cost import Counts
 from gpusim.scene.description.model import CameraTable
-from gpusim.scene.frames import Shown
+from gpusim.scene.frames import Shown, frame_text
 
 __all__ = ["Plan", "PlannedStage", "make_plan", "plan_of"]
 
@@ -94,7 +93,7 @@ class _ScenePlan:
         self.details = cost_of.describe(scene, made)
         states = [state for shown in (one.shown for one in self.frames) for state in shown.states]
         cases = max((len(state) for state in states if state is not None), default=1)
-        if cases > 1:
+        if cases > 1 and scene.analysis.scales_loads:
             self.details["solve"] += f", {cases} load cases"
 
     def plan(self) -> Plan:
@@ -145,10 +144,11 @@ class _ScenePlan:
 
     def _words(self, shown: Shown, number: int) -> str:
         """The different weights of a frame, in the order in which bodies have them."""
+        if not self.scene.analysis.scales_loads:
+            return frame_text(self.scene, number)
         weights = [weight for state in shown.states for weight in state or (0.0,)]
         weights = list(dict.fromkeys(weights)) or [self.frames[number].factor]
-        word = "time" if kind_of(self.scene).type.given else "load x"
-        return f"{word} {', '.join(f'{weight:g}' for weight in weights)}"
+        return f"load x {', '.join(f'{weight:g}' for weight in weights)}"
 
     def _described(
         self, stage: PlannedStage, camera: CameraTable, seconds: float, what: str

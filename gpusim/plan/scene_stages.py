@@ -18,7 +18,7 @@ from gpusim.plan.stages import RunOptions
 from gpusim.scene import Scene
 from gpusim.scene.analyses import kind_of
 from gpusim.scene.description import model as m
-from gpusim.scene.frames import FrameTable, frame_word
+from gpusim.scene.frames import FrameTable, frame_text, frame_word
 
 PUBLIC = (
     "mesh", "model", "solve", "surface", "render", "truth", "measure", "stress", "export",
@@ -27,6 +27,8 @@ PUBLIC = (
 TARGET = "calib-"
 """How numbers of a calibration target's pictures begin."""
 _NONE = "not asked for"
+_MOST_PICTURED = 20
+"""Modes that are shown in the colours of their displacement."""
 _SEEN = ("camera", "light", "prop", "body", "analysis", "measure", "calibration", "sensor.response")
 
 
@@ -89,9 +91,12 @@ def _pictures(build: StageBuilder, camera: str, motions: Needs) -> Iterator[Stag
     (spec,) = (one for one in scene.cameras if one.name == camera)
     rate = scene.analysis.frame_rate
     board = scene.calibration.board if scene.calibration else ""
+    # neighbours tell how things move while the shutter is open, but for what is known at any time
+    told = scene.analysis.vibrates and not any(prop.poses for prop in scene.props)
+    wide = spec.shutter is not None and rate is not None and not told
     rows, moved = [], []
     for number in range(len(frames)):
-        near = frames.near(number, wide=spec.shutter is not None and rate is not None)
+        near = frames.near(number, wide)
         shown = [frames.shown(one) for one in near]
         row = [shown, near.index(number), (near[-1] - near[0]) / (rate or 1.0), board]
         rows.append(row if build.options.skip else [*row, number])  # else equal frames are one
@@ -156,7 +161,11 @@ def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iter
     if output.fields and motions and any(not one.shown.unloaded for one in build.frames):
         needs = build.of_bodies("mesh") | motions | steps
         needs |= build.of_bodies("model") if "solve" in moving else {}
-        row = [*table, output.stress, frame_word(scene)]
+        modes = [
+            [frame, frame_text(scene, frame)]
+            for frame, (_, turn) in enumerate(scene.analysis.oscillations, 1) if not turn
+        ]  # fmt: skip
+        row = [*table, output.stress, frame_word(scene), modes[:_MOST_PICTURED]]
         sections = ["body.*.mechanics", *(f"camera.{one.name}" for one in scene.cameras[:1])]
         yield build.stage("fields", "fields:fields", sections, needs, [row], on_device=True,
                           keeps=True)  # fmt: skip

@@ -10,6 +10,7 @@ In the order in which data passes:
 - `figures`: Deflection line, convergence, tracked markers, errors.
 - `measurement_figures`: A rig and its points in space, its calibration; states compared.
 - `field_maps`: Measured fields beside true ones: maps, and their differences.
+- `charts`: Curves of what was computed over one quantity.
 - `html`: report.html: one self-contained page.
 - `write`: report.json, figures and report.html in the output folder.
 - `correlation`: The summary of a correlation: numbers, maps, what a page says.
@@ -19,6 +20,7 @@ In the order in which data passes:
 
 from __future__ import annotations
 
+from gpusim.report.charts import Chart, draw_chart
 from gpusim.report.findings import (
     BodyForce,
     Budget,
@@ -52,6 +54,7 @@ __all__ = [
     "BodyForce",
     "Budget",
     "BudgetRow",
+    "Chart",
     "Drawing",
     "Explanation",
     "FieldPicture",
@@ -73,6 +76,7 @@ __all__ = [
     "Stage",
     "StressPeak",
     "Table",
+    "draw_chart",
     "prepare_figures",
     "write_report",
 ]

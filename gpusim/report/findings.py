@@ -39,7 +39,8 @@ class FieldPicture:
     in ``frame``, displacements ``factor`` times as large: ``file``, in the output folder.
 
     ``largest``: the value, in ``unit``, that is the farthest from zero; it is of ``body``, at
-    ``position_mm`` of the undeformed body.
+    ``position_mm`` of the undeformed body. ``shown``: what the frame shows, where pictures are of
+    several frames.
     """
 
     field: str
@@ -51,6 +52,7 @@ class FieldPicture:
     frame: int
     factor: float
     file: str
+    shown: str = ""
 
 
 @dataclass(frozen=True)

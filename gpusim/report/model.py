@@ -283,6 +283,7 @@ class Report:
     explanations: tuple[Explanation, ...] = ()
     fields: tuple[FieldPicture, ...] = ()
     load_path: LoadPath | None = None
+    modes: tuple[Mapping[str, Any], ...] = ()
 
     description: str = ""
     failure: str = ""
@@ -329,6 +330,7 @@ class Report:
             "mechanics": self.mechanics,
             "fields": self.fields,
             "load_path": self.load_path,
+            "modes": self.modes,
             "measurements": self.measurements,
             "published": self.published,
             "budget": self.budget,

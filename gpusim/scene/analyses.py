@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpusim.errors import InputError
 from gpusim.scene.amplitudes import load_groups
-from gpusim.scene.description.processing import ANALYSIS_TYPES, AnalysisType
+from gpusim.scene.description.analysis import ANALYSIS_TYPES, AnalysisType
 from gpusim.scene.faults import schema_places
 
 if TYPE_CHECKING:
@@ -32,12 +32,15 @@ class AnalysisKind:
     stages : "module:function" that gives the stages which end in ``motion/<body>``, a
         `gpusim.motion.Motion` each.
     unsolved : why nothing is solved; "" where a model of each body is.
+    told : of a scene and the number of a frame, what is shown in it; None: the number that frames
+        have says it.
     """
 
     type: AnalysisType
     states: Callable[[Scene, bool], Sequence[States]]
     stages: str
     unsolved: str = ""
+    told: Callable[[Scene, int], str] | None = None
 
     def make_stages(self, build: Any) -> Any:
         """The stages, of what they are made with (`gpusim.plan.stage_builder.StageBuilder`)."""
@@ -92,16 +95,58 @@ def _told_apart(states: States, rows: Sequence[tuple[float, ...]]) -> States:
 
 def _times(scene: Scene, scaled: bool) -> Sequence[States]:
     """Displacements that are given: the time."""
-    return [[(time,) for time in scene.analysis.load_factors] for _ in scene.bodies]
+    return [[(time,) for time in scene.analysis.frame_values] for _ in scene.bodies]
 
 
+def _instants(scene: Scene, scaled: bool) -> Sequence[States]:
+    """Of bodies that something moves in time: the time."""
+    ground = scene.analysis.base_motion is not None
+    return [
+        [(time,) if body.loads or ground else None for time in scene.analysis.frame_values]
+        for body in scene.bodies
+    ]
+
+
+def _oscillations(scene: Scene, scaled: bool) -> Sequence[States]:
+    """Modes, and motions of one frequency: number and phase (turns); number 0 where a body that is
+    loaded doesn't vibrate."""
+    rest = (0.0, 0.0) if scene.analysis.prestress else None
+    states = [rest, *((float(number), turn) for number, turn in scene.analysis.oscillations)]
+    return [states for _ in scene.bodies]
+
+
+def _mode_told(scene: Scene, frame: int) -> str:
+    """The mode of a frame, or its frequency, and its phase."""
+    if not frame:
+        return "at rest"
+    analysis = scene.analysis
+    number, turn = analysis.oscillations[frame - 1]
+    what = f"mode {number}"
+    if analysis.frequencies_Hz:
+        what = f"{analysis.frequencies_Hz[number - 1]:g} Hz"
+    return what if analysis.phase_count == 1 else f"{what}, phase {360.0 * turn:g} deg"
+
+
+_STAGES, _VIBRATIONS = "gpusim.plan.motion_stages:", "gpusim.plan.vibration_stages:"
 ANALYSES = {
     "static": AnalysisKind(
-        ANALYSIS_TYPES["static"], _weights, "gpusim.plan.motion_stages:static_stages"
+        ANALYSIS_TYPES["static"], _weights, f"{_STAGES}static_stages"
     ),
     "field": AnalysisKind(
-        ANALYSIS_TYPES["field"], _times, "gpusim.plan.motion_stages:field_stages",
+        ANALYSIS_TYPES["field"], _times, f"{_STAGES}field_stages",
         unsolved="displacements are given",
+    ),
+    "modal": AnalysisKind(
+        ANALYSIS_TYPES["modal"], _oscillations, f"{_VIBRATIONS}modal_stages", told=_mode_told,
+    ),
+    "transient": AnalysisKind(
+        ANALYSIS_TYPES["transient"], _instants, f"{_VIBRATIONS}transient_stages"
+    ),
+    "harmonic": AnalysisKind(
+        ANALYSIS_TYPES["harmonic"], _oscillations, f"{_VIBRATIONS}harmonic_stages", told=_mode_told,
+    ),
+    "buckling": AnalysisKind(
+        ANALYSIS_TYPES["buckling"], _oscillations, f"{_VIBRATIONS}buckling_stages", told=_mode_told
     ),
 }  # fmt: skip
 """By the name that ``[analysis] type`` has."""

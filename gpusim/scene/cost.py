@@ -69,7 +69,7 @@ def describe(scene: Scene, made: Counts | None = None) -> dict[str, str]:
     wanted = [name for name in ("vtu", "stl", "calibration") if getattr(scene.output, name)]
     return {
         "mesh": "; ".join(mesh_words(body.mesh, made) for body in scene.bodies),
-        "solve": f"{size}{_SOLVER[scene.solver.method]}{_geometry(scene)}",
+        "solve": f"{size}{_SOLVER[scene.solver.method]}{_solutions(scene)[0]}",
         "render": lit,
         "truth": f"{len(scene.output.truth)} layers",
         "truth file": "mesh, nodes, and what cameras see",
@@ -145,20 +145,20 @@ def estimate(scene: Scene, made: Counts | None = None) -> Cost:
     elements = sum(count[1] for count in counts)
     pixels = max((c.resolution[0] * c.resolution[1] for c in scene.cameras), default=0)
     most = max((_renderings(c) for c in scene.cameras), default=1.0)
-    frames = len(scene.cameras) * len(scene.analysis.load_factors)
+    frames = len(scene.cameras) * len(scene.analysis.frame_values)
     fixed, per_pixel = _per_image(scene)
     bands, slower = (3, 1.25) if in_color(scene) else (1, 1.0)  # `python -m benchmarks.color`
     markers = _markers(scene)
     layers = len(scene.output.truth)
     together = len(scene.cameras) if "cameras" in scene.output.truth else 1
-    steps = len(scene.analysis.load_factors)
+    steps = len(scene.analysis.frame_values)
     measuring = sum(one.seconds(markers, pixels, steps) for one in scene.measures)
     # what every pixel sees, its spline and its subsets
     of_pixel = 300 if any(one.correlates for one in scene.measures) else 12
     return {
         "mesh": (200 * nodes, 0.05 + 2e-6 * nodes),
         "model": (100 * nodes, 0.5 + 1e-6 * nodes),
-        "solve": (4_500 * nodes, (0.2 + 2e-5 * nodes) * (1 + _ITERATIONS * _load_steps(scene))),
+        "solve": (4_500 * nodes, (0.2 + 2e-5 * nodes) * _solutions(scene)[1]),
         "surface": (200 * nodes, 0.05 + 2e-6 * elements),
         "render": (16 * bands * pixels, (fixed + slower * per_pixel * pixels) * most),
         "truth": (40 * pixels, together * steps * (0.2 + 1e-8 * layers * pixels)),
@@ -170,8 +170,8 @@ def estimate(scene: Scene, made: Counts | None = None) -> Cost:
     }
 
 
-_ITERATIONS = 6
-"""Linear solutions of a load step."""
+_ITERATIONS, _MODE, _TIME_STEP = 6, 1.5, 0.15
+"""Linear solutions that a load step, a mode and a time step take as long as."""
 
 
 def _load_steps(scene: Scene) -> int:
@@ -181,12 +181,19 @@ def _load_steps(scene: Scene) -> int:
     return len(set(analysis.load_factors) - {0.0}) if known else 0
 
 
-def _geometry(scene: Scene) -> str:
-    """How bodies are solved, as far as it is known beforehand."""
+def _solutions(scene: Scene) -> tuple[str, float]:
+    """How bodies are solved, as far as it is known, and how many linear solutions take as long."""
+    analysis, frames = scene.analysis, len(scene.analysis.frame_values)
+    if step := analysis.time_step:
+        steps = round((frames - 1) / (analysis.frame_rate_Hz or 1.0) / step)
+        return f", {steps:,} time steps for {frames:,} frames", 1.0 + _TIME_STEP * steps
+    if analysis.superposes_modes:
+        count = analysis.mode_count
+        return f", {count} modes; {frames:,} frames are superposed from them", 1.0 + _MODE * count
     if steps := _load_steps(scene):
-        return f", nonlinear, {steps} load steps"
-    auto = scene.analysis.geometry == "auto"
-    return ", nonlinear if the linear solution is too far off" if auto else ""
+        return f", nonlinear, {steps} load steps", 1.0 + _ITERATIONS * steps
+    auto = analysis.geometry == "auto"
+    return ", nonlinear if the linear solution is too far off" if auto else "", 1.0
 
 
 _GROWTH = 0.25  # of the element size with the distance from a notch, as the builder has it

@@ -48,6 +48,10 @@ def find_files(
         prop.setdefault("type", "plate")
         if prop["type"] == "mesh":
             files.enter(prop, ("prop", index, "file"), "a file of faces or a mesh")
+    analysis = document.get("analysis")
+    ground = analysis.get("base_motion") if isinstance(analysis, dict) else None
+    if isinstance(ground, dict):
+        files.enter(ground, ("analysis", "base_motion", "file"), "a CSV file")
     for index, camera in tables_of(document, "camera"):
         files.enter(camera, ("camera", index, "calibration"), "a calibration file")
     for index, measure in tables_of(document, "measure"):

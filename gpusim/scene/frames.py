@@ -77,7 +77,7 @@ class FrameTable(tuple[Instant, ...]):
 
 def frame_table(scene: Scene, scaled: bool = True) -> FrameTable:
     """The frames of a scene; ``scaled`` as `gpusim.scene.amplitudes.load_groups` has it."""
-    factors, rate = scene.analysis.load_factors, scene.analysis.frame_rate
+    factors, rate = scene.analysis.frame_values, scene.analysis.frame_rate
     bodies = kind_of(scene).states(scene, scaled)
     props = [[Placed(pose.position, pose.rotation) for pose in prop.poses] for prop in scene.props]
     instants = []
@@ -89,6 +89,14 @@ def frame_table(scene: Scene, scaled: bool = True) -> FrameTable:
     return FrameTable(instants)
 
 
+def frame_text(scene: Scene, frame: int) -> str:
+    """What is shown in a frame, in a few words."""
+    told = kind_of(scene).told
+    if told is not None:
+        return told(scene, frame)
+    return f"{frame_word(scene).replace('_', ' ')} {scene.analysis.frame_values[frame]:g}"
+
+
 def frame_word(scene: Scene) -> str:
     """What the numbers are that a scene has one of per frame."""
-    return "time" if kind_of(scene).type.given else "load_factor"
+    return kind_of(scene).type.word

@@ -17,6 +17,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from gpusim.scene.description.analysis import AnalysisTable
 from gpusim.scene.description.mesh import CAD_SUFFIXES
 from gpusim.scene.description.model import Body, CameraTable, OutputTable, SensorTable
 from gpusim.scene.scene import SECTIONS, Scene
@@ -96,6 +97,8 @@ class SceneParts:
             return _response(whole)
         if section == "prop.still":
             return tuple(prop.model_copy(update={"poses_": None}) for prop in whole)
+        if section == "analysis.base_motion":
+            return AnalysisTable.model_construct(base_motion=whole.base_motion)
         if section == "output.truth":
             return OutputTable.model_construct(truth=whole.truth)
         if section == "output.calibration":

@@ -268,7 +268,7 @@ class ViewState:
                 every = (field_values(content, name, k, camera) for k in range(content.frames))
                 return [values for one in every for values in one.legend]
 
-            known_by = (id(content), id(content.solution), name, camera)
+            known_by = (id(content), content.unloaded, name, camera)
             self.field_values = found
             self.color_scale = self.legend_range.scale(found, of_all_frames, known_by)
         self.changed()

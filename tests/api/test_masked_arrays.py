@@ -24,9 +24,10 @@ PICTURES = {"image", "images", "reference", "deformed", "left", "right", "lefts"
 MODULES = (gs, gs.measure, gs.fem, gs.mesh, gs.paint, gs.psf, gpusim.surface, gpusim.optics)
 # what functions return, and tables that nobody else makes
 RESULTS = {
-    "Calibration", "Chessboard", "Codes", "Crossings", "DeflectionLine", "DicResult",
-    "Displacement3D", "Dots", "Features", "Frame", "FrameSource", "LoadStep", "MappedResult",
-    "Markers", "Matches", "Quality", "SampledKernel", "Sighting", "SlopeChanges", "Solution",
+    "Buckling", "Calibration", "Chessboard", "Codes", "Crossings", "DeflectionLine",
+    "DicResult", "Displacement3D", "Dots", "EnergyHistory", "Features", "Frame", "FrameSource",
+    "HarmonicResponse", "History", "LoadStep", "MappedResult", "Markers", "Matches", "Modes",
+    "Quality", "RandomResponse", "SampledKernel", "Sighting", "SlopeChanges", "Solution",
     "StereoResult", "StrainResult", "Stress", "TrackResult", "Triangulated", "Truth", "Update",
 }  # fmt: skip
 

@@ -18,7 +18,7 @@ from gpusim.errors import InputError, SceneError
 from gpusim.plan.plan import make_plan
 from gpusim.scene import json_schema
 from gpusim.scene.analyses import ANALYSES, add_analysis
-from gpusim.scene.description.processing import ANALYSIS_TYPES
+from gpusim.scene.description.analysis import ANALYSIS_TYPES
 from gpusim.scene.faults import schema_places
 from gpusim.scene.frames import frame_table
 from gpusim.view.content.loading import load_content
@@ -97,7 +97,7 @@ def test_a_plan_of_it_builds_no_model(tmp_path: Path) -> None:
 
 def test_schema_and_messages_name_it() -> None:
     schema = json.dumps(json_schema())
-    assert '["static", "field", "swing"]' in schema
+    assert '["static", "field", "modal", "transient", "harmonic", "buckling", "swing"]' in schema
     with pytest.raises(SceneError, match=r'"swing" \(rigid\)'):
         small_scene(analysis={"type": "spin"})
     with pytest.raises(SceneError, match=r'times.*of an analysis of type "swing"'):

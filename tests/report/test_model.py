@@ -57,6 +57,7 @@ def test_json_is_exactly_the_documented_shape() -> None:
         "mechanics": None,
         "fields": [],
         "load_path": None,
+        "modes": [],
         "measurements": [
             {
                 "name": "tip",

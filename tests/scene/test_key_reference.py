@@ -149,7 +149,7 @@ def test_kinds_share_what_is_told_once() -> None:
             assert {key.name for key in table.keys} <= {
                 key.name for key in tables[f"{path}.{kind}"].keys
             }
-    assert [key.name for key in tables["body.load"].keys] == ["name", "amplitude"]
+    assert [key.name for key in tables["body.load"].keys] == ["name", "amplitude", "times_s"]
 
 
 @pytest.mark.parametrize(

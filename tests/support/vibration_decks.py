@@ -8,7 +8,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import gpusim as gs
-from tests.support.nonlinear_decks import CLAMPED, STEEL, Lines, bar, end_force, wedges, written
+from tests.support.nonlinear_decks import (
+    CLAMPED,
+    STEEL,
+    Lines,
+    bar,
+    end_force,
+    pressure,
+    wedges,
+    written,
+)
 
 PRINTED = ["*NODE PRINT, NSET=XMAX, GLOBAL=YES", "U"]
 EXACT = ["*CONTROLS, PARAMETERS=FIELD", "1.E-9, 1.E-9"]
@@ -47,6 +56,23 @@ def _stretched(head: str, force: float, kind: str = "C3D20R") -> str:
     return written(_ROWS, STEEL, [pulled, modes(head="*STEP, PERTURBATION")], kind, CLAMPED)
 
 
+def _pressed() -> str:
+    """About linear statics, in which CalculiX lets pressures follow as well."""
+    pressed = step("*STATIC", *pressure(_BRICKS, "-z", 30.0), printed=())
+    return written(_BRICKS, STEEL, [pressed, modes(head="*STEP, PERTURBATION")], "", CLAMPED)
+
+
+def _about() -> str:
+    """Motion about a stretched state, whose loads aren't there again."""
+    about = "*STEP, PERTURBATION"
+    steps = [
+        step("*STATIC", *along(_BRICKS, TENSION, 0), printed=()),
+        modes(head=about),
+        step("*MODAL DYNAMIC", "4.E-6, 6.E-5", *along(_BRICKS, -1.0, 2), head=about),
+    ]
+    return written(_BRICKS, STEEL, steps, "", CLAMPED)
+
+
 def _buckled(mesh: gs.Mesh, kind: str) -> str:
     pressed = step("*BUCKLE", "3, 1.E-6", *along(mesh, -100.0, 0), printed=())
     return written(mesh, STEEL, [pressed], kind, CLAMPED)
@@ -67,6 +93,16 @@ def _modal() -> str:
         step("*MODAL DYNAMIC", "2.E-6, 2.E-5", "*MODAL DAMPING, RAYLEIGH", ",, 3000., 2.E-6"),
     ]  # fmt: skip
     return written(_BRICKS, STEEL, steps, "", [*HAMMER, *CLAMPED])
+
+
+def _modal_let_go() -> str:
+    """Bent by a force, which is taken away."""
+    steps = [
+        modes(),
+        step("*STATIC", *along(_BRICKS, 5.0, 2), printed=()),
+        step("*MODAL DYNAMIC", "4.E-6, 4.E-5", *along(_BRICKS, 0.0, 2, ", OP=NEW")),
+    ]
+    return written(_BRICKS, STEEL, steps, "", CLAMPED)
 
 
 def _steady(*cards: str) -> str:
@@ -91,8 +127,10 @@ def _shaken(kind: str) -> str:
     )  # fmt: skip
 
 
-def _direct(dynamic: str, *cards: str, before: Sequence[str] = (), head: str = "*STEP, INC=1000",
-            mesh: gs.Mesh = _BRICKS, kind: str = "", material: Sequence[str] = STEEL) -> str:  # fmt: skip
+def _direct(
+    dynamic: str, *cards: str, before: Sequence[str] = (), head: str = "*STEP, INC=1000",
+    mesh: gs.Mesh = _BRICKS, kind: str = "", material: Sequence[str] = STEEL,
+) -> str:  # fmt: skip
     steps = [step(*dynamic.split("\n"), *EXACT, *cards, head=head)]
     return written(mesh, [*material], steps, kind, [*HAMMER, *before, *CLAMPED])
 
@@ -128,9 +166,12 @@ DECKS: dict[str, Callable[[], str]] = {
     ),
     "modes_pulled": lambda: _stretched("*STEP", TENSION),
     "modes_pulled_far": lambda: _stretched("*STEP, NLGEOM", TENSION),
+    "modes_pressed": _pressed,
+    "modal_about": _about,
     "buckled_c3d8": lambda: _buckled(_BRICKS, "C3D8"),
     "buckled_c3d20r": lambda: _buckled(_ROWS, "C3D20R"),
     "modal": _modal,
+    "modal_let_go": _modal_let_go,
     "steady_rayleigh": lambda: _steady(
         "*MODAL DAMPING, RAYLEIGH", ",, 3000., 2.E-7", *along(_BRICKS, -1.0, 2)
     ),

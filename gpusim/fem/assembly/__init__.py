@@ -17,6 +17,6 @@ In the order in which data passes:
 - `shifted_system`: The system of K + s M: stiffness and a share of the mass.
 - `equation_of_motion`: The linear equation of motion, M a + K u = f: products with mass and
   stiffness.
-- `geometric_stiffness`: Geometric stiffness: what stress adds to the stiffness of a body, by turning
-  with it.
+- `geometric_stiffness`: Geometric stiffness: what stress adds to the stiffness of a body, by
+  turning with it.
 """

@@ -16,7 +16,7 @@ from scipy.sparse import csr_matrix, diags
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.fem.assembly.assembly import Assembled
-from gpusim.fem.assembly.element_batches import pair_blocks, portions
+from gpusim.fem.assembly.element_batches import Elements, pair_blocks, portions
 from gpusim.fem.assembly.element_responses import free_strain
 from gpusim.fem.assembly.node_graph import NodeGraph
 from gpusim.fem.elements.element_response import ElementResponse, Internal, Want
@@ -158,21 +158,17 @@ class Equation:
         """Residual forces and the tangent at ``u``, or the tangent's material part, which is
         definite: without the stiffness of loads."""
         self._warm(factors)
-        residual, points = self.external(u, factors), self.model.mesh.points + u
+        residual = self.external(u, factors)
         forces = [np.zeros((*one.cells.shape, 3)) for one in self.responses]
         elements = self.elements(u, want, forces)
         acting = np.zeros_like(factors) if want is Want.MATERIAL else factors
-        pressed = [
-            FormedElements(one.name, one.cells, partial(_symmetric, one, points, acting[case]))
-            for case, one in self._pressed
-        ]
-        rows = self._graph.fill([*elements, *pressed])
+        rows = self._graph.fill([*elements, *self._follow(u, acting)])
         for one, of_cells in zip(elements, forces, strict=True):
             add_to(residual, one.cells, -of_cells)
         skew = self.skew_stiffness(u, acting)
         return Tangent(u, factors, residual, Assembled(rows, elements, None), skew)
 
-    def elements(self, u: Float, want: Want, forces: Sequence[Float]) -> list[FormedElements]:
+    def elements(self, u: Float, want: Want, forces: Sequence[Float]) -> Sequence[Elements]:
         """Whose tangents are formed at ``u``; their ``forces`` (M,k,3) are written on the way."""
         return [
             FormedElements(
@@ -181,19 +177,26 @@ class Equation:
             for one, into in zip(self.responses, forces, strict=True)
         ]
 
-    def about_linear(self, u: Float) -> Assembled:
+    def about_linear(self, u: Float, factors: Float) -> Assembled:
         """The stiffness about displacements ``u`` (N,3) of linear theory, whose stress is linear in
         them: the material's there, and of the geometric one what changes its sign with ``u``.
 
-        For total Lagrangian elements without heat, unknowns of their own and loads that follow.
+        For total Lagrangian elements without heat and unknowns of their own.
         """
         elements = [
-            FormedElements(
-                one.name, one.cells, partial(_about_linear, one, u), one.block.numbers
-            )
+            FormedElements(one.name, one.cells, partial(_about_linear, one, u), one.block.numbers)
             for one in self.responses
         ]
-        return Assembled(self._graph.fill(elements), elements, None)
+        rows = self._graph.fill([*elements, *self._follow(u, factors)])
+        return Assembled(rows, elements, None)
+
+    def _follow(self, u: Float, factors: Float) -> list[FormedElements]:
+        """What loads that follow are to the stiffness, but for its skew part."""
+        points = self.model.mesh.points + u
+        return [
+            FormedElements(one.name, one.cells, partial(_symmetric, one, points, factors[case]))
+            for case, one in self._pressed
+        ]
 
     def skew_stiffness(self, u: Float, factors: Float) -> csr_matrix | None:
         """(3N,3N) on what is solved for, of the loads that follow; None where they have a

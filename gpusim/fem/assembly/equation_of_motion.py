@@ -33,6 +33,7 @@ from gpusim.fem.model.elimination import Elimination, eliminate
 from gpusim.fem.model.mass import ElementMass, check_densities, scalar_mass
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.solution import Solution
+from gpusim.fem.model.supports import rigid_modes
 from gpusim.fem.sparse.block_rows import block_matrix
 from gpusim.validation import require
 
@@ -126,7 +127,8 @@ class EquationOfMotion:
 
     def displacements(self, x: Float) -> Float:
         """(L,N,3) in the model's own numbers, with what constraints gave up."""
-        u, elimination, numbering = x.reshape(len(x), -1, 3), self._elimination, self._numbering
+        u, elimination = x.reshape(len(x), *self.points.shape), self._elimination
+        numbering = self._numbering
         moved = u if elimination is None else elimination.displacements(u)
         return moved if numbering is None else numbering.backward(moved)
 
@@ -146,6 +148,15 @@ class EquationOfMotion:
         """What M a does to x: (L,3N), of accelerations a (L,N,3) of all nodes, in the model's own
         numbers; those that are held still move as well."""
         return self._forces(self.shift(1.0).forces(self.inside(a)))
+
+    def base_motions(self) -> tuple[Float, Float, Float]:
+        """The centre of mass (3,), masses and moments of inertia about it (6,), and what M r does
+        to x: (6,3N), of translations and rotations r of all nodes about the centre."""
+        weights = np.asarray(self.mass.sum(axis=1)).ravel()
+        centre = weights @ self.points / weights.sum()
+        base = np.moveaxis(rigid_modes(self.points, centre, 1.0), 2, 0)
+        forces = self.shift(1.0).forces(base)
+        return centre, np.einsum("kni,kni->k", base, forces), self._forces(forces)
 
     @property
     def matrices(self) -> tuple[csr_matrix, csr_matrix]:
@@ -229,10 +240,9 @@ def _tangent(
     factors = solution.steps[-1].factors if solution.steps else np.ones(len(model.load_cases))
     own = {"incompatible", "bbar"} & set(formulation.values())
     finite = all(one.block.law.finite_strain for one in equation.responses)
-    alone = model.temperature is None and not model.loads
-    if finite and alone and not own and not solution.steps:
+    if finite and model.temperature is None and not own and not solution.steps:
         # linear theory, of laws for large displacements: stress is as linear as displacements
-        assembled = equation.about_linear(u)
+        assembled = equation.about_linear(u, factors)
     else:
         equation.relax(u, factors)
         assembled = equation.linearised(u, factors).assembled
@@ -240,4 +250,3 @@ def _tangent(
     system = scaled_system(assembled, points, equation.free, still[None], still[None])
     elements = ElementForces(lambda v: system.apply(v) * system.scale, system.elements.rounding)
     return assembled, replace(system, elements=elements), points
-

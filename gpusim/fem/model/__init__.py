@@ -21,4 +21,6 @@ In the order in which data passes:
 - `buckling`: Buckling loads and shapes by linear theory, and how far they can be trusted.
 - `harmonic_response`: Harmonic responses: complex amplitudes of displacements, frequency by
   frequency.
+- `record`: Records: values over time, linear in between, as loads and grounds follow them.
+- `history`: A history: motion over time, in memory, in a file, or as amplitudes of modes.
 """

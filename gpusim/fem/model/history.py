@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,9 @@ from gpusim.files.atomic_files import atomic_path
 from gpusim.files.hdf5_file import writing_hdf5
 from gpusim.parallel.machine import host_memory
 from gpusim.validation import require
+
+if TYPE_CHECKING:
+    from gpusim.fem.procedures.modal_superposition import ModalMotion
 
 # of the free memory, that arrays of a history may take
 _SHARE = 0.5
@@ -43,7 +46,7 @@ class Superposition:
         shapes = self.shapes[(slice(None), *where)]
         return np.asarray(np.tensordot(self.amplitudes[when], shapes, axes=1))
 
-    def __array__(self, dtype: npt.DTypeLike = None, copy: bool | None = None) -> Float:
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> Float:
         return np.asarray(self[:], dtype)
 
 
@@ -55,31 +58,18 @@ Series = Any
 
 
 @dataclass(frozen=True, eq=False)
-class ModalMotion:
-    """Exact at any instant: ``shapes`` (n,N,3), and the function ``coordinates`` from times (m,) to
-    their amplitudes, rates and accelerations, (m,n) each.
-
-    Beside modes there are ``shapes`` of what these lack of the answer to static loads, where the
-    loads have such; their amplitudes are the loads' factors.
-    """
-
-    shapes: Float
-    coordinates: Callable[[Float], tuple[Float, Float, Float]]
-
-    def at(self, time: float) -> tuple[Float, Float]:
-        """Displacement and velocity (N,3)."""
-        amplitude, rate, _ = self.coordinates(np.array([time]))
-        u, v = np.tensordot(np.concatenate([amplitude, rate]), self.shapes, axes=1)
-        return u, v
-
-
-@dataclass(frozen=True, eq=False)
 class EnergyHistory:
     """``kinetic`` and ``strain`` energy, ``external_work`` that loads have done since the beginning
     and what damping (and plastic flow) has ``dissipated``, (T,) each, in the model's units.
 
     Where the ground moves, all are those of the motion relative to it, and its inertial forces are
     loads.
+
+    Examples
+    --------
+    >>> energy = gs.fem.EnergyHistory(*np.array([[0.0, 0.5], [1.0, 0.4], [0.0, 0.0], [0.0, 0.1]]))
+    >>> energy.drift
+    0.0
     """
 
     kinetic: Float
@@ -112,7 +102,8 @@ class History:
         where they are looked at (``history.u[k]``, ``history.u[:, node]``; `numpy.asarray` forms
         all).
     energy : see `gpusim.fem.EnergyHistory`.
-    modal : of modal superposition: the motion at any instant, exactly.
+    modal : of modal superposition: the motion at any instant, exactly
+        (`gpusim.fem.procedures.modal_superposition.ModalMotion`); None of steps.
     method : "modal", "newmark", "hht" or "generalized-alpha". message : how it was computed.
     warnings : what a reader should know. timings : seconds per part. model : what moved.
 
@@ -155,12 +146,16 @@ class History:
         if self.modal is not None:
             return self.modal.at(time)
         k = min(int(np.searchsorted(self.times, time, side="right")) - 1, len(self.times) - 2)
-        before, after = (
-            State(float(self.times[j]), self.u[j], self.v[j], self.a[j], np.zeros(2))
-            for j in (k, k + 1)
-        )
-        between = interpolated(before, after, (time - before.time) / (after.time - before.time))
-        return between.u, between.v
+        step, both = self.times[k + 1] - self.times[k], slice(k, k + 2)
+        share, v = (time - self.times[k]) / step, self.v[both]
+        return cubic(share, self.u[both], step * v), cubic(share, v, step * self.a[both])
+
+
+def cubic(share: float, ends: Float, slopes: Float) -> Float:
+    """Between two ``ends`` (2,...), from one slope to the other, per interval."""
+    rise = share**2 * (3.0 - 2.0 * share) * (ends[1] - ends[0])
+    bend = share * (1.0 - share) * ((1.0 - share) * slopes[0] - share * slopes[1])
+    return np.asarray(ends[0] + rise + bend)
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,20 +172,13 @@ class State:
 
 def interpolated(before: State, after: State, share: float) -> State:
     """Between two states: cubics of displacement and velocity by their slopes, the rest linear."""
-    step = after.time - before.time
-
-    def cubic(begin: Float, end: Float, slope: Float, last: Float) -> Float:
-        rise = share**2 * (3.0 - 2.0 * share) * (end - begin)
-        bend = step * share * (1.0 - share) * ((1.0 - share) * slope - share * last)
-        return np.asarray(begin + rise + bend)
-
+    step, v, a = after.time - before.time, np.stack([before.v, after.v]), (before.a, after.a)
+    u = cubic(share, np.stack([before.u, after.u]), step * v)
+    gains = before.gains + share * (after.gains - before.gains)
     return State(
-        before.time + share * step,
-        cubic(before.u, after.u, before.v, after.v),
-        cubic(before.v, after.v, before.a, after.a),
-        (1.0 - share) * before.a + share * after.a,
-        (1.0 - share) * before.gains + share * after.gains,
-    )
+        before.time + share * step, u, cubic(share, v, step * np.stack(a)),
+        a[0] + share * (a[1] - a[0]), gains,
+    )  # fmt: skip
 
 
 @contextmanager
@@ -213,7 +201,7 @@ def storage(times: Float, nodes: int, file: FilePath) -> Iterator[dict[str, Any]
         yield {name: store.create_dataset(name, at, np.float64) for name, at in shapes.items()}
 
 
-def stored(fields: dict[str, Any], file: FilePath) -> dict[str, Any]:
+def written(fields: dict[str, Any], file: FilePath) -> dict[str, Any]:
     """Fields of a `History` from those of `storage`, once they are written."""
     if file is not None:
         import h5py

@@ -93,8 +93,10 @@ def buckling(
 
 def _found(model: Model, solution: Solution, count: int, options: Options) -> Buckling:
     equation = EquationOfMotion.without_mass(model, options.formulation)
-    u = equation.inside(solution.u.reshape(1, -1, 3))[0]
-    stress = geometric_stiffness(equation.element_mass.model, options.formulation, u)
+    stress = geometric_stiffness(model, options.formulation, solution.u.reshape(-1, 3))
+    order = equation.inside(np.arange(solution.u.size, dtype=np.float64).reshape(1, -1, 3))
+    inside = order[0, :, 0].astype(np.int64) // 3
+    stress = stress[inside][:, inside]
     require(bool(abs(stress).max() > 0.0), "buckling: load", "no stress", "a load")
     solver = definite_solver(equation, 0.0, options)
     options.clock.mark("assembly")

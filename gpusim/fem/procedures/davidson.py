@@ -24,6 +24,7 @@ from gpusim.errors import NotConverged
 
 Apply = Callable[[Float], Float]
 
+# vectors a step, or an eighth of those wanted: steps cost the cube of the basis, too
 _BLOCK = 8
 # sought beside what is wanted, to a tenth: gaps are those to converged values then
 _GUARDS, _GUARD_ERROR = 2, 0.1
@@ -31,8 +32,10 @@ _GUARDS, _GUARD_ERROR = 2, 0.1
 _CLUSTER = 1e-2
 # eta^2 / gap has been 0.7 of the true error once, among a hundred runs
 _SAFETY = 3.0
+# what the last correction, which isn't in eta, takes off vectors' angles at least
+_CORRECTED = 2.0
 # a second start of so many random vectors, and steps of inverse iteration of these
-_FRESH, _LOOKS = 2, 4
+_FRESH, _LOOKS = 2, 6
 # rows whose share that isn't in the others' span is less, squared
 _DEPENDENT = 1e-12
 # passes at most; least eigenvalue of unit rows' products from which on they are made orthonormal
@@ -40,8 +43,8 @@ _DEPENDENT = 1e-12
 _PASSES, _WELL, _APART = 4, 1e-3, 1e-8
 # steps after which it won't get there
 _STEPS, _STEPS_OF_EACH = 60, 8
-# of values: less is no motion of them; of residuals: less is none
-_ROUNDING, _NOTHING = 1e-9, 1e-12
+# of values: less is no motion of them
+_ROUNDING = 1e-9
 # of the energy that a motion and its forces could have: less than none is no rounding
 _INDEFINITE = -1e-8
 
@@ -88,12 +91,12 @@ class Eigenpairs:
 
 
 class _Basis:
-    """Rows orthonormal in A, the known ones first, with what A and B make of them."""
+    """Rows orthonormal in A, the known ones first, and A times them."""
 
     def __init__(self, pencil: Pencil, most: int) -> None:
         self._pencil, self._known = pencil, len(pencil.known)
         shape = self._known + most, len(pencil.unknown)
-        self._rows, self._energy, self._inertia = (np.empty(shape) for _ in range(3))
+        self._rows, self._energy = np.empty(shape), np.empty(shape)
         self._products = np.zeros((most, most))
         self._size = self._known
         if self._known:
@@ -110,35 +113,32 @@ class _Basis:
         values, vectors = np.linalg.eigh(0.5 * (products + products.T))
         return values[::-1], vectors[:, ::-1].T
 
-    def combined(self, shares: Float) -> tuple[Float, Float, Float]:
-        """Vectors of ``shares`` (k,m), and what A and B make of them."""
+    def combined(self, shares: Float) -> tuple[Float, Float]:
+        """Vectors of ``shares`` (k,m), and A times them."""
         own = slice(self._known, self._size)
-        return shares @ self._rows[own], shares @ self._energy[own], shares @ self._inertia[own]
+        return shares @ self._rows[own], shares @ self._energy[own]
 
     def last(self, count: int) -> Float:
-        """B times the rows that came last."""
-        return self._inertia[self._size - count : self._size]
+        """The rows that came last."""
+        return self._rows[self._size - count : self._size]
 
     def restart(self, values: Float, shares: Float) -> None:
         """Keep these Ritz vectors alone."""
-        rows, energy, inertia = self.combined(shares)
+        rows, energy = self.combined(shares)
         self._size = self._known + len(values)
-        own = slice(self._known, self._size)
-        self._rows[own], self._energy[own], self._inertia[own] = rows, energy, inertia
+        self._rows[self._known : self._size] = rows
+        self._energy[self._known : self._size] = energy
         self._products[: len(values), : len(values)] = np.diag(values)
 
     def extend(self, new: Float) -> int:
         """Add what is new in rows ``new``; how many that were."""
         new, image = self._orthonormal(new)
-        if not len(new):
-            return 0
-        part = slice(self._size, self._size + len(new))
-        self._rows[part], self._energy[part] = new, image
-        self._inertia[part] = inertia = self._pencil.inertia(new)
-        before, self._size = self._size - self._known, part.stop
-        across = self._rows[self._known : self._size] @ inertia.T
-        self._products[: len(across), before : len(across)] = across
-        self._products[before : len(across), : len(across)] = across.T
+        before, self._size = self._size, self._size + len(new)
+        self._rows[before : self._size], self._energy[before : self._size] = new, image
+        across = self._rows[self._known : self._size] @ self._pencil.inertia(new).T
+        own = slice(before - self._known, len(across))
+        self._products[: len(across), own] = across
+        self._products[own, : len(across)] = across.T
         return len(new)
 
     def _orthonormal(self, new: Float) -> tuple[Float, Float]:
@@ -171,8 +171,8 @@ def _require_definite(rows: Float, image: Float, energy: Float) -> None:
     most = np.linalg.norm(rows, axis=1) * np.linalg.norm(image, axis=1)
     if not (energy >= _INDEFINITE * most).all():
         raise NotConverged(
-            "modes: got a motion whose energy is negative; expected a body that is stable (is it "
-            "loaded beyond buckling?)"
+            "modes: got a motion whose energy isn't positive; expected a stable body (is it loaded "
+            "beyond buckling? do elements lack stiffness, as single rows of 'reduced' ones do?)"
         )
 
 
@@ -193,16 +193,14 @@ class _Errors:
         same = moved <= np.maximum(self.eta[here], _ROUNDING) * np.abs(ritz)
         self.eta[here][~same] = np.inf
         gap = gaps(values, len(ritz))
-        aims = np.sqrt(self._tolerance * np.minimum(0.5 * gap**2, gap / _SAFETY))
+        aims = np.sqrt(self._tolerance * np.minimum((_CORRECTED * gap) ** 2, gap / _SAFETY))
         wanted = np.arange(len(ritz)) < self._count
         good = self.eta[here] <= np.where(wanted, aims, _GUARD_ERROR)
         return np.flatnonzero(~good & (ritz > negligible * np.abs(values).max()))
 
     def tell(self, which: Long, values: Float, squares: Float) -> None:
         """Residual times correction of ``which`` values (m,)."""
-        relative = squares / values**2
-        known = relative > -(_NOTHING**2)
-        self.eta[which] = np.sqrt(np.where(known, np.maximum(relative, 0.0), np.inf))
+        self.eta[which] = np.sqrt(np.where(squares >= 0.0, squares, np.inf)) / np.abs(values)
         self._values[which] = values
 
 
@@ -220,31 +218,35 @@ def davidson(
     missed. ``progress`` is called with (steps, worst error).
     """
     wanted = min(count + _GUARDS, pencil.size - len(pencil.known))
-    basis = _Basis(pencil, 2 * wanted + 24 + max(_BLOCK, len(start)))
+    block = max(_BLOCK, wanted // _BLOCK)
+    basis = _Basis(pencil, 2 * wanted + 24 + max(block, len(start)))
     errors = _Errors(count, wanted - count, tolerance)
     added, looks, limit = basis.extend(start), 0, _STEPS + _STEPS_OF_EACH * wanted
     for step in range(limit):
         values, shares = basis.ritz()
-        todo = errors.open(values, pencil.negligible)[:_BLOCK]
+        if len(values) + len(pencil.known) == pencil.size:
+            errors.tell(np.arange(wanted), values[:wanted], np.zeros(wanted))
+            break
+        todo = errors.open(values, pencil.negligible)[:block]
         if len(todo):
-            _, energy, inertia = basis.combined(shares[todo])
-            residual = inertia - values[todo, None] * energy
+            vectors, energy = basis.combined(shares[todo])
+            residual = pencil.inertia(vectors) - values[todo, None] * energy
             new = pencil.solve(residual)
             squares = np.einsum("ij,ij->i", residual, new) / pencil.weakest
             errors.tell(todo, values[todo], squares)
-            new = new[np.isin(todo, errors.open(values, pencil.negligible))]
         elif len(values) < wanted:
-            new = pencil.random(_BLOCK, step + 1)
+            new = pencil.random(block, step + 1)
         elif looks < _LOOKS:
             # what was missed isn't in the basis: inverse iteration beside it brings it up
-            new = pencil.solve(basis.last(added)) if looks else pencil.random(_FRESH, step + 1)
+            forces = pencil.inertia(basis.last(added))
+            new = pencil.solve(forces) if looks else pencil.random(_FRESH, step + 1)
             looks += 1
         else:
             break
         if progress is not None:
             progress(step + 1, float(errors.eta[:count].max()))
         if not basis.fits(len(new)):
-            keep = wanted + _BLOCK
+            keep = wanted + block
             basis.restart(values[:keep], shares[:keep])
         if len(new):
             added = basis.extend(new)

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from gpusim.arrays.array_types import Complex, Float
+from gpusim.errors import NotConverged
 from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
 from gpusim.fem.linear.solve_plan import Clock, Options
 from gpusim.fem.model.dead_loads import with_dead_loads
@@ -39,11 +40,12 @@ class ForcedVibration:
         got = type(self.model).__name__
         require(isinstance(self.model, Model), "harmonic: model", got, "a Model")
         known = isinstance(self.modes, Modes | None)
-        known = known and isinstance(self.prestress, Solution | None)
-        require(known, "harmonic: modes, prestress", "something else", "Modes, a Solution, or None")
-        still = not self.model.prescribed_cases.any()
-        expected = "supports that hold still (the base may shake)"
-        require(still, "harmonic: model", "prescribed displacements", expected)
+        require(known, "harmonic: modes", repr(self.modes), "Modes, or None")
+        known = isinstance(self.prestress, Solution | None)
+        require(known, "harmonic: prestress", repr(self.prestress), "a Solution, or None")
+        given = [self.model.prescribed_cases, *(one.right for one in self.model.constraints)]
+        still, expected = not any(one.any() for one in given), "none (the base may shake)"
+        require(still, "harmonic: model", "displacements that are given", expected)
 
     @cached_property
     def names(self) -> dict[str, str]:
@@ -59,10 +61,12 @@ class ForcedVibration:
     def load(self, weights: Any, base: Complex | None) -> Complex:
         """(3N,) on the equation's unknowns: load cases by ``weights`` (L,), None for all of them
         where the base rests, and inertia where it accelerates by ``base`` (3,)."""
-        cases = with_dead_loads(self.model, self.names).load_cases
+        cases, heat = with_dead_loads(self.model, self.names).load_cases, self.model.temperature
         if weights is None:
             weights = np.full(len(cases), 1.0 if base is None else 0.0)
         weights = complex_numbers(weights, "harmonic: loads", len(cases))
+        heated = heat is not None and bool(heat[weights != 0.0].any())
+        require(not heated, "harmonic: loads", "a case with a change of temperature", "forces")
         load = np.asarray(weights @ self.equation.forces(cases))
         if base is not None:
             along = np.broadcast_to(np.eye(3)[:, None], (3, *cases.shape[1:]))
@@ -76,6 +80,8 @@ class ForcedVibration:
         if modes is None:
             modes = modes_of(self.model, self.count, formulation=self.formulation, mass=self.mass,
                              prestress=self.prestress)  # fmt: skip
+        if not modes.converged:
+            raise NotConverged(f"harmonic: modes; got {modes.message}; expected converged ones")
         options = Options("auto", None, "numpy", 1e-8, None, None, None, self.names, Clock())
         return ModalBasis.of(self.equation, modes, load, options)
 

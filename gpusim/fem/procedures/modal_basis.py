@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import eigh
 
 from gpusim.arrays.array_types import Complex, Float
 from gpusim.errors import NotConverged
@@ -21,6 +20,7 @@ from gpusim.fem.linear.shifted_solver import ShiftedSolver
 from gpusim.fem.linear.solve_plan import Options
 from gpusim.fem.model.damping import Damping
 from gpusim.fem.model.modes import Modes
+from gpusim.fem.procedures.rayleigh_quotients import sharpened
 from gpusim.validation import require
 
 # of the static response, in the energy norm
@@ -59,17 +59,15 @@ class ModalBasis:
         require(rigid < count, "harmonic: modes", "rigid ones alone", "a greater count")
         fits = modes.shapes[0].size == len(load)
         require(fits, "harmonic: modes", "those of another mesh", "those of the model")
-        first = 2.0 * np.pi * float(modes.frequencies[rigid])
-        shift = _SHIFT * first**2 if rigid else 0.0
+        # a free body: its rigid-body modes are exact, and the solver has some of its mass as well
+        shift = _SHIFT * modes.angular[rigid] ** 2 if rigid else 0.0
         solver = ShiftedSolver(equation, shift, options)
         x = equation.unknowns(modes.shapes) * np.sqrt(equation.scale)
-        x = np.concatenate([x, _residual_vectors(equation, solver, x, rigid, load)])
-        # modes have errors of their own, which the others may take off
-        mass, stiffness = x @ equation.inertia(x).T, x @ equation.stiffness(x).T
-        mu, turn = eigh(_symmetric(mass), _symmetric(stiffness + shift * mass))
-        x = (turn / np.sqrt(mu)).T[::-1] @ x
-        squares = 1.0 / mu[::-1] - shift
-        squares[:rigid] = 0.0
+        rows = np.concatenate([x[rigid:], _residual_vectors(equation, solver, x, rigid, load)])
+        # modes have errors of their own, which residual vectors may take off
+        mu, rows, _ = sharpened(equation, equation.inertia, rows, options.tolerance)
+        x = np.concatenate([x[:rigid], rows / np.sqrt(mu)[:, None]])
+        squares = np.concatenate([np.zeros(rigid), 1.0 / mu])
         same = np.abs(np.sqrt(squares[:count]) - modes.angular) <= _SAME * modes.angular[-1]
         expected = "all from the lowest one on, of this model, formulation and mass"
         require(bool(same.all()), "harmonic: modes", "others than the basis has", expected)
@@ -123,10 +121,7 @@ def _residual_vectors(
     static = beyond = solved[0]
     for _ in range(2):
         beyond = beyond - (beyond @ inertia.T) @ x
-    energy, turn = np.linalg.eigh(_symmetric(beyond @ equation.stiffness(beyond).T))
+    products = beyond @ equation.stiffness(beyond).T
+    energy, turn = np.linalg.eigh(0.5 * (products + products.T))
     least = max(_ROUNDING * float(np.vdot(static, balanced)), _DISTINCT * energy[-1])
     return np.asarray(turn[:, energy > least].T @ beyond)
-
-
-def _symmetric(matrix: Float) -> Float:
-    return 0.5 * (matrix + matrix.T)

@@ -44,16 +44,17 @@ class Oscillators:
         """(m,n,3,5): what the integral of q, q and q' are after times ``tau`` (m,), by what these,
         p and its slope were."""
         lapse, number = np.unique(tau, return_inverse=True)
-        # in a unit of time in which nothing is large
-        rate = np.maximum(1.0 / np.where(lapse > 0.0, lapse, 1.0)[:, None], self.angular)
-        rate = np.maximum(rate, self.damping)
-        system = np.zeros((*rate.shape, 5, 5))
+        angular, damping, t = self.angular, self.damping, lapse[:, None]
+        system = np.zeros((len(lapse), len(angular), 5, 5))
         system[..., [0, 1, 2, 3], [1, 2, 3, 4]] = 1.0
-        system[..., 2, 1] = -((self.angular / rate) ** 2)
-        system[..., 2, 2] = -self.damping / rate
-        power = rate[..., None] ** np.array([-1, 0, 1, 2, 3])
-        grown = expm(system * (rate * lapse[:, None])[..., None, None])[..., :3, :]
-        grown *= power[..., :3, None] / power[..., None, :]
+        system[..., 2, 1], system[..., 2, 2] = -(angular**2), -damping
+        # in units in which nothing grows large: entries of an exponential are as good as its norm
+        length = np.where(t > 0.0, t, 1.0) + np.zeros_like(angular)
+        rate = np.maximum(angular, 1.0 / length)
+        stiff = np.maximum(rate**2, damping / length)
+        unit = np.stack([length, np.ones_like(rate), rate, stiff, stiff / length], axis=-1)
+        ratio = unit[..., :, None] / unit[..., None, :]
+        grown = expm(system / ratio * t[..., None, None])[..., :3, :] * ratio[..., :3, :]
         return np.asarray(grown[number])
 
 
@@ -115,10 +116,13 @@ def _carried(step: Float, begin: Float) -> tuple[Float, Float, Float]:
 
 
 @dataclass(frozen=True, eq=False)
-class ModalResponse:
-    """Of a body: ``modes``, and corrections beside them, with ``stiffness`` (K,K), that follow the
-    ``factors`` of the loads: of static answers what modes lack. ``shapes`` (n + K,N,3) are those of
-    both. ``lacking``: the shares of energies that modes lack, by name."""
+class ModalMotion:
+    """A body's motion, exact at any instant: ``shapes`` (n + K,N,3) by their amplitudes.
+
+    The first are ``modes``. The others are corrections, one a load case: of its static answer what
+    modes lack. They follow the ``factors`` of the loads, and have ``stiffness`` (K,K). ``lacking``:
+    the shares of energies that modes lack, by name.
+    """
 
     shapes: Float
     modes: ModalCoordinates
@@ -126,24 +130,17 @@ class ModalResponse:
     stiffness: Float
     lacking: dict[str, float]
 
-    def __call__(self, times: Float) -> tuple[Float, Float, Float]:
-        """Amplitudes of modes and corrections, rates and accelerations (m,n + K)."""
-        return self.amplitudes(times, self.modes.at(times))
+    def at(self, time: float) -> tuple[Float, Float]:
+        """Displacement and velocity (N,3)."""
+        amplitude, rate, *_ = self.coordinates(np.array([time]))
+        u, v = np.tensordot(np.concatenate([amplitude, rate]), self.shapes, axes=1)
+        return u, v
 
-    def amplitudes(self, times: Float, states: ModalStates) -> tuple[Float, Float, Float]:
-        """The same from ``states`` at ``times``; corrections are accelerated where loads bend
-        alone."""
-        slope = self.factors.slope(times)
-        return (
-            np.hstack([states.amplitude, self.factors.at(times)]),
-            np.hstack([states.rate, slope]),
-            np.hstack([states.acceleration, np.zeros_like(slope)]),
-        )
-
-    def energies(self, times: Float, states: ModalStates) -> tuple[Float, ...]:
-        """Fields of an `EnergyHistory` from ``states`` at ``times``; damping has dissipated what is
-        missing."""
-        own, factors = self.modes.oscillators, self.factors.at(times)
+    def coordinates(self, times: Float) -> tuple[Float, Float, Float, Float]:
+        """Amplitudes at ``times`` (m,), rates and accelerations (m,n + K), and energies (4,m), the
+        fields of an `EnergyHistory`: damping has dissipated what is missing. Corrections have no
+        inertia."""
+        states, own, factors = self.modes.at(times), self.modes.oscillators, self.factors.at(times)
         kinetic = 0.5 * (states.rate**2).sum(axis=1)
         strain = 0.5 * ((own.angular * states.amplitude) ** 2).sum(axis=1)
         lost = states.work - (kinetic + strain - self.modes.first_energy)
@@ -151,12 +148,18 @@ class ModalResponse:
         added = 0.5 * np.einsum("tk,kl,tl->t", factors, self.stiffness, factors)
         first = self.factors.values[0]
         work = states.work + added - 0.5 * first @ self.stiffness @ first
-        return kinetic, strain + added, work, lost
+        slope = self.factors.slope(times)
+        return (
+            np.hstack([states.amplitude, factors]),
+            np.hstack([states.rate, slope]),
+            np.hstack([states.acceleration, np.zeros_like(slope)]),
+            np.stack([kinetic, strain + added, work, lost]),
+        )
 
 
 def modal_superposition(
     problem: InitialValueProblem, modes: Modes, damping: Damping | None, options: Options
-) -> ModalResponse:
+) -> ModalMotion:
     """Of mass-normalised ``modes``."""
     equation, factors = problem.linear_equation, problem.factors
     forces = problem.forces(equation)
@@ -170,17 +173,20 @@ def modal_superposition(
     amplitude, rate = scale * begin @ inertia.T
     forcing = Record(factors.times, factors.values @ loads)
     coordinates = ModalCoordinates(Oscillators(angular, lost), forcing, amplitude, rate)
-    missing = forces - loads @ inertia
+    missing, acting = forces - loads @ inertia, factors.values.any(axis=0)
     # rounding, where modes have all of a load
     missing[np.abs(missing).max(axis=1) <= _ROUNDING * np.abs(forces).max(axis=1)] = 0.0
+    missing[~acting] = 0.0
     corrections = _static_corrections(equation, angular, missing, options)
     corrections -= scale * corrections @ inertia.T @ x
     stiffness = scale * corrections @ forces.T
     shapes = np.concatenate([modes.shapes, equation.displacements(corrections)])
     static = ((loads / positive)[:, angular > 0.0] ** 2).sum(axis=1) + np.diag(stiffness)
     lacking = {
-        f"static answer to load case {case} (which is added, as if it had no inertia)": share
-        for case, share in enumerate(np.diag(stiffness) / np.maximum(static, 1e-300))
+        f"static answer to {name} (which is added, as if it had no inertia)": share
+        for name, share in zip(
+            problem.load_names, np.diag(stiffness) / np.maximum(static, 1e-300), strict=True
+        )
     }
     for what, own, state, image in (
         ("initial displacement", angular * amplitude, begin[:1], equation.stiffness(begin[:1])),
@@ -188,7 +194,7 @@ def modal_superposition(
     ):
         whole = scale * float(np.vdot(state, image))
         lacking[what] = 1.0 - float(own @ own) / whole if whole > 0.0 else 0.0
-    return ModalResponse(shapes, coordinates, factors, stiffness, lacking)
+    return ModalMotion(shapes, coordinates, factors, stiffness, lacking)
 
 
 def _static_corrections(

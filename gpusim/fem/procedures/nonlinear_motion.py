@@ -14,9 +14,9 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
-from gpusim.fem.assembly.element_batches import portions
+from gpusim.fem.assembly.element_batches import Elements, portions
 from gpusim.fem.assembly.element_responses import element_responses
-from gpusim.fem.assembly.equation import Equation, FormedElements, Tangent
+from gpusim.fem.assembly.equation import Equation, Tangent
 from gpusim.fem.assembly.shifted_system import Shift, shifted_elements, with_row_sums
 from gpusim.fem.elements.element_response import Internal, Want
 from gpusim.fem.linear.solve_plan import Options
@@ -27,9 +27,12 @@ from gpusim.fem.model.mass import ElementMass, scalar_mass
 from gpusim.fem.procedures.initial_value_problem import InitialValueProblem
 from gpusim.fem.procedures.newton import Controls, Steps, equilibrium
 from gpusim.fem.procedures.time_integration import LinearMotion, Scheme, predicted
+from gpusim.validation import require
 
 # linear solutions within Newton's method, and the estimate of a step's error
 _FORCING, _ROUGHLY = 1e-4, 0.1
+# relative difference of shifts that is rounding
+_SAME = 1e-9
 # of the greatest energy: what steps may add to it before they count as unstable
 _MOST_GROWTH = 0.05
 
@@ -53,7 +56,7 @@ class StepEquation(Equation):
             assembled=replace(tangent.assembled, rows=rows),
         )
 
-    def elements(self, u: Float, want: Want, forces: Sequence[Float]) -> list[FormedElements]:
+    def elements(self, u: Float, want: Want, forces: Sequence[Float]) -> Sequence[Elements]:
         """With their share of the springs."""
         return [shifted_elements(one, self.shift) for one in super().elements(u, want, forces)]
 
@@ -69,65 +72,60 @@ class Balance:
     energies: Float
 
 
-class NonlinearMotion:
+class NonlinearMotion(LinearMotion):
     """M a + C v + f_int(u) = f(u), in displacements (N,3), C a multiple of the mass.
 
     A step is found when Newton's method has an error of ``options.tolerance`` of the greatest
-    displacement. One that adds energy to the body isn't.
+    displacement. One that adds energy to the body isn't. Linear theory gives the first
+    accelerations, and the size of what is to come.
     """
 
     def __init__(
         self, problem: InitialValueProblem, scheme: Scheme, damping: Rayleigh, options: Options
     ) -> None:
-        self._problem, self._scheme, self._damping = problem, scheme, damping
-        self._options, self._linear = options, LinearMotion(problem, scheme, damping, options)
+        super().__init__(problem, scheme, damping, options)
         model, names = problem.model, problem.formulation
-        self.equation = StepEquation(model, element_responses(model, names))
+        self._elements = StepEquation(model, element_responses(model, names))
         elements = ElementMass(model, names, problem.mass_rule)
         self._mass = Shift(elements, scalar_mass(elements), 1.0)
-        self.equation.shift = replace(self._mass, factor=0.0)
         self._balances: dict[float, Balance] = {}
-        self._counts: list[int] = []
-
-    @property
-    def message(self) -> str:
-        """Of Newton's method."""
-        return f"{np.mean(self._counts):.1f} iterations each"
-
-    def size(self, duration: float) -> float:
-        """By linear theory."""
-        return self._linear.size(duration)
+        # the shift that the solver is for, and the greatest energy until now
+        self._solved, self._greatest = 0.0, 0.0
 
     def begin(self, time: float) -> State:
         """Forces that aren't balanced accelerate it from the first instant on."""
-        u, v, equation = self._problem.u, self._problem.v, self._linear.equation
+        u, v, onset = self._problem.u, self._problem.v, self._problem.onset
+        self._elements.shift = replace(self._mass, factor=1.0 / onset if onset > 0.0 else 0.0)
         if u.any():
-            self.equation.relax(u, self._factors(time))
+            expected = "rest, or elastic laws: what points have been through isn't known"
+            known = not self._elements.has_history
+            require(known, "transient: initial", "displacements of a law with a history", expected)
+            self._elements.relax(u, self._factors(time))
         balance = self._balances[time] = self._balance(time, u, v)
         force = balance.external - balance.internal - self._inertia(self._damping.mass * v)
-        if self._problem.onset > 0.0:
-            return State(time, u, v, self._slowed(force, u, time), np.zeros(2))
-        x = self._linear.accelerations(equation.forces(force[None]))
-        return State(time, u, v, equation.displacements(x)[0], np.zeros(2))
+        if onset > 0.0:
+            a = self._slowed(force / onset, u, time)
+        else:
+            a = super().displacements(self.accelerations(self.equation.forces(force[None])))
+        return State(time, u, v, a, np.zeros(2))
 
     def _slowed(self, force: Float, u: Float, time: float) -> Float:
-        """(N,3) acceleration by ``force`` at ``u``, where stiffness slows it."""
-        equation, push = self.equation, force[None] / self._problem.onset
-        equation.shift = replace(self._mass, factor=1.0 / self._problem.onset)
-        equation.forces, equation.origin = np.zeros_like(u), u
-        tangent = equation.linearised(u, self._factors(time))
-        solver = TangentSolver(equation, self._options)
-        found = solver.correction(tangent, push, np.zeros_like(push), self._options.tolerance)
-        return found.du[0]
+        """(N,3) by ``force`` at ``u``, where stiffness slows it."""
+        elements = self._elements
+        elements.forces, elements.origin = np.zeros_like(u), u
+        tangent = elements.linearised(u, self._factors(time))
+        solver = TangentSolver(elements, self._options)
+        still, tolerance = np.zeros_like(force[None]), self._options.tolerance
+        return np.asarray(solver.correction(tangent, force[None], still, tolerance).du[0])
 
     def advance(self, state: State, step: float) -> State:
         """One equilibrium, from the last state."""
-        scheme, equation, before = self._scheme, self.equation, self._balances[state.time]
+        scheme, equation, before = self._scheme, self._elements, self._balances[state.time]
         equation.restore(before.elements)
         shift, factor = scheme.shift(step, self._damping)
-        if shift != equation.shift.factor:
-            equation.shift = replace(self._mass, factor=shift)
-            self._solver = TangentSolver(equation, self._options)
+        if abs(shift - self._solved) > _SAME * shift:
+            self._tangents, self._solved = TangentSolver(equation, self._options), shift
+        equation.shift = replace(self._mass, factor=shift)
         after = predicted(state, step)
         drag = self._damping.mass * scheme.between(state.v, after.v)
         equation.forces = scheme.alpha_f * (before.external - before.internal)
@@ -136,7 +134,7 @@ class NonlinearMotion:
         factors = self._factors(after.time)
         first = Steps.SEARCHED if equation.has_history else Steps.FORETOLD
         controls = Controls(self._options.tolerance, _FORCING, first, stable=False)
-        found = equilibrium(equation, self._solver, state.u, factors, controls)
+        found = equilibrium(equation, self._tangents, state.u, factors, controls)
         equation.commit(found.u, factors)
         self._counts.append(len(found.iterations))
         after = scheme.corrected(after, found.u - after.u, step)
@@ -145,28 +143,28 @@ class NonlinearMotion:
         return replace(after, gains=state.gains + self._gains(state, after))
 
     def error(self, before: State, after: State) -> float:
-        """Without what a step as long doesn't resolve of motions: they stay small themselves."""
-        tangent = self.equation.linearised(after.u, self._factors(after.time))
-        pull = self.equation.shift.forces(self._scheme.local_error(before, after)[None])
-        found = self._solver.correction(tangent, pull, np.zeros_like(pull), _ROUGHLY)
+        """As that of `LinearMotion`."""
+        tangent = self._elements.linearised(after.u, self._factors(after.time))
+        pull = self._elements.shift.forces(self._scheme.local_error(before, after)[None])
+        found = self._tangents.correction(tangent, pull, np.zeros_like(pull), _ROUGHLY)
         return float(np.abs(found.du).max())
 
     def displacements(self, x: Float) -> Float:
-        """They are."""
+        """(N,3) of those of states."""
         return x
 
-    def _inertia(self, a: Float) -> Float:
-        return self._mass.forces(a[None])[0]
-
-    def _factors(self, time: float) -> Float:
-        return self._problem.factors.at(np.array([time]))[0]
-
     def energies(self, state: State) -> Float:
-        """As they were found in the step."""
+        """(2,) kinetic and strain energy, where the last step began or ended."""
         return self._balances[state.time].energies
 
+    def _inertia(self, a: Float) -> Float:
+        return np.asarray(self._mass.forces(a[None])[0])
+
+    def _factors(self, time: float) -> Float:
+        return np.asarray(self._problem.factors.at(np.array([time]))[0])
+
     def _balance(self, time: float, u: Float, v: Float) -> Balance:
-        equation, factors, strain = self.equation, self._factors(time), 0.0
+        equation, factors, strain = self._elements, self._factors(time), 0.0
         external, internal = equation.external(u, factors), equation.internal(u, factors)
         for one in equation.responses:
             for which in portions(len(one.cells)):
@@ -182,10 +180,12 @@ class NonlinearMotion:
         work = 0.5 * float(np.vdot(begin.external + end.external, moved))
         drag = self._damping.mass / (after.time - before.time) * self._inertia(moved)
         lost = float(np.vdot(moved, drag))
-        if self.equation.has_history:
+        if self._elements.has_history:
             # strained for good
             lost += 0.5 * float(np.vdot(begin.internal + end.internal, moved)) - stored[1]
-        share = (stored.sum() + lost - work) / max(float(end.energies.sum()), 1e-300)
+        self._greatest = max(self._greatest, float(begin.energies.sum()))
+        size = max(self._greatest, float(end.energies.sum()), 1e-300)
+        share = (stored.sum() + lost - work) / size
         if share > _MOST_GROWTH:
             raise NotConverged(f"{share:.1%} of the energy in a step, from nowhere")
         return np.array([work, lost])

@@ -10,12 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import count
-from typing import Protocol
 
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.errors import InputError, NotConverged
+from gpusim.errors import NotConverged
 from gpusim.fem.krylov.cg import NumpyCG, Preconditioner
 from gpusim.fem.krylov.truncated_cg import truncated_cg
 from gpusim.fem.linear.shifted_solver import ShiftedSolver
@@ -23,11 +22,14 @@ from gpusim.fem.linear.solve_plan import Options
 from gpusim.fem.model.damping import Rayleigh
 from gpusim.fem.model.history import State
 from gpusim.fem.procedures.initial_value_problem import InitialValueProblem
+from gpusim.validation import require
 
 METHODS = ("newmark", "hht", "generalized-alpha")
 # of conjugate gradients on the mass, whose condition is some tens once it is scaled
 _MASS_TOLERANCE = 1e-12
 _MOST_ITERATIONS = 200
+# relative difference of shifts that is rounding
+_SAME = 1e-9
 # an adaptive step is doubled where its error is so much below what is allowed: it grows by 8
 _SMALL_ERROR = 1.0 / 16.0
 _MOST_HALVINGS = 20
@@ -50,10 +52,7 @@ class Scheme:
         takes it in a step. Newmark's has 1: the trapezoidal rule; HHT's is from 0.5 up."""
         alpha_m, alpha_f, rho = 0.0, 0.0, spectral_radius
         if method == "hht":
-            if not 0.5 <= rho:
-                raise InputError(
-                    f"transient: spectral_radius; got {rho}; expected 0.5 to 1 for hht"
-                )
+            require(rho >= 0.5, "transient: spectral_radius", rho, "0.5 to 1 for hht")
             alpha_f = (1.0 - rho) / (1.0 + rho)
         elif method == "generalized-alpha":
             alpha_m, alpha_f = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
@@ -96,33 +95,6 @@ def predicted(state: State, step: float) -> State:
     return replace(state, time=state.time + step, u=u, v=v)
 
 
-class Motion(Protocol):
-    """What moves: by linear theory `LinearMotion`, at large displacements
-    `gpusim.fem.procedures.nonlinear_motion.NonlinearMotion`."""
-
-    def begin(self, time: float) -> State:
-        """The state that it begins with."""
-
-    def advance(self, state: State, step: float) -> State:
-        """The state a step later. Raises NotConverged where that can't be had."""
-
-    def error(self, before: State, after: State) -> float:
-        """Of the last step, estimated, of the greatest displacement."""
-
-    def size(self, duration: float) -> float:
-        """About the greatest displacement in so much time."""
-
-    def energies(self, state: State) -> Float:
-        """(2,) kinetic and strain, where the last step began or ended."""
-
-    def displacements(self, x: Float) -> Float:
-        """(N,3) of a vector of states."""
-
-    @property
-    def message(self) -> str:
-        """How steps were solved."""
-
-
 class LinearMotion:
     """M a + C v + K u = f, in rows (1,3N) of an equation of motion.
 
@@ -137,30 +109,28 @@ class LinearMotion:
         self._options = options
         self.equation = problem.linear_equation
         self._forces = problem.forces(self.equation)
+        self._begin = self.equation.unknowns(np.stack([problem.u, problem.v]))[:, None]
         self._solvers: dict[float, ShiftedSolver] = {}
         self._counts: list[int] = []
+        self._told: tuple[State | None, Float] = None, np.zeros(2)
 
     @property
     def message(self) -> str:
-        """By factors, or with so many iterations."""
+        """How steps were solved."""
         if not self._counts:
             return "one back-substitution each"
         return f"{np.mean(self._counts):.1f} iterations each"
 
-    def _load(self, time: float) -> Float:
-        return self._problem.factors.at(np.array([time])) @ self._forces
-
     def begin(self, time: float) -> State:
         """Forces that aren't balanced accelerate it from the first instant on."""
-        equation, damping = self.equation, self._damping
-        u, v = equation.unknowns(np.stack([self._problem.u, self._problem.v]))[:, None]
+        (u, v), equation, damping = self._begin, self.equation, self._damping
         force = self._load(time) - equation.stiffness(u + damping.stiffness * v)
         a = self.accelerations(force - damping.mass * equation.inertia(v))
         return State(time, u, v, a, np.zeros(2))
 
     def accelerations(self, force: Float) -> Float:
-        """M^-1 ``force``, by conjugate gradients that are scaled by the diagonal; or (M + onset K)^-1
-        of it.
+        """M^-1 ``force``, by conjugate gradients that are scaled by the diagonal; or, with an
+        onset, (M + onset K)^-1 of it.
 
         Raises NotConverged where the mass isn't positive definite.
         """
@@ -186,7 +156,8 @@ class LinearMotion:
         inner = equation.stiffness(strained)
         force = scheme.between(self._load(state.time), self._load(after.time)) - inner
         force -= equation.inertia(state.a + damping.mass * v)
-        solver = self._solver(shift)
+        self._last = shift, self._solver(shift)
+        solver = self._last[1]
         if solver.exact:
             d = solver.apply(force / factor)
         else:
@@ -196,17 +167,18 @@ class LinearMotion:
         return replace(after, gains=state.gains + self._gains(state, after))
 
     def error(self, before: State, after: State) -> float:
-        """Without what a step as long doesn't resolve of motions: they stay small themselves."""
-        shift, _ = self._scheme.shift(after.time - before.time, self._damping)
+        """Of the last step, estimated, of the greatest displacement. What such steps don't resolve
+        of motions is left out: it stays small."""
+        shift, solver = self._last
         inertia = self.equation.inertia(self._scheme.local_error(before, after))
-        return float(np.abs(self._solver(shift).apply(shift * inertia)).max())
+        return float(np.abs(solver.apply(shift * inertia)).max())
 
     def size(self, duration: float) -> float:
-        """What the greatest loads, and an impulse that makes the first velocities, would do in a
-        motion that takes as long."""
-        shift, state = (2.0 * np.pi / duration) ** 2, self.begin(self._problem.factors.times[0])
+        """About the greatest displacement: what loads, and impulses that make the first velocities,
+        would do in a motion that takes as long."""
+        (u, v), shift = self._begin, (2.0 * np.pi / duration) ** 2
         push = np.abs(self._problem.factors.values).max(axis=0, keepdims=True) @ self._forces
-        push += shift * self.equation.inertia(state.u + state.v / np.sqrt(shift))
+        push += shift * self.equation.inertia(u + v / np.sqrt(shift))
         return float(np.abs(self._solver(shift).apply(push)).max())
 
     def _gains(self, before: State, after: State) -> Float:
@@ -221,21 +193,28 @@ class LinearMotion:
         return equation.scale * np.array([work, lost])
 
     def energies(self, state: State) -> Float:
-        """Two products, for those who ask."""
-        kinetic = np.vdot(state.v, self.equation.inertia(state.v))
-        strain = np.vdot(state.u, self.equation.stiffness(state.u))
-        return 0.5 * self.equation.scale * np.array([kinetic, strain])
+        """(2,) kinetic and strain energy; one that was asked for is asked for again."""
+        if state is not self._told[0]:
+            kinetic = np.vdot(state.v, self.equation.inertia(state.v))
+            strain = np.vdot(state.u, self.equation.stiffness(state.u))
+            self._told = state, 0.5 * self.equation.scale * np.array([kinetic, strain])
+        return self._told[1]
 
     def displacements(self, x: Float) -> Float:
-        """With what constraints gave up."""
-        return self.equation.displacements(x)[0]
+        """(N,3) of a vector of states, with what constraints gave up."""
+        return np.asarray(self.equation.displacements(x)[0])
+
+    def _load(self, time: float) -> Float:
+        return self._problem.factors.at(np.array([time])) @ self._forces
 
     def _solver(self, shift: float) -> ShiftedSolver:
-        """Adaptive steps go back and forth between two lengths."""
-        if shift not in self._solvers:
-            while len(self._solvers) > 1:
-                del self._solvers[next(iter(self._solvers))]
-            self._solvers[shift] = ShiftedSolver(self.equation, shift, self._options)
+        """Adaptive steps go back and forth between two lengths; equal ones differ by rounding."""
+        for near, solver in self._solvers.items():
+            if abs(shift - near) <= _SAME * near:
+                return solver
+        while len(self._solvers) > 1:
+            del self._solvers[next(iter(self._solvers))]
+        self._solvers[shift] = ShiftedSolver(self.equation, shift, self._options)
         return self._solvers[shift]
 
     def _iterated(self, solver: ShiftedSolver, right: Float, size: float) -> Float:
@@ -263,13 +242,16 @@ class _Diagonal(Preconditioner):
         return r / self._diagonal
 
 
+# what moves; that at large displacements is one of it
+Motion = LinearMotion
+
+
 @dataclass(frozen=True)
 class StepSize:
-    """The ``first`` step, and all others; ``adaptive`` ones have an estimated error of at most
-    ``error`` each, and aren't longer than the first."""
+    """The ``first`` step, and the longest; shorter ones are taken where their estimated ``error``
+    would be greater. Infinite: all are as long as the first."""
 
     first: float
-    adaptive: bool
     error: float
 
 
@@ -279,15 +261,15 @@ def time_steps(motion: Motion, state: State, control: StepSize) -> Iterator[tupl
 
     Raises NotConverged where a constant step fails, or an adaptive one becomes too small.
     """
-    step = control.first
+    step, adaptive = control.first, control.error < np.inf
     for number in count():
-        for _ in range(_MOST_HALVINGS if control.adaptive else 1):
+        for _ in range(_MOST_HALVINGS if adaptive else 1):
             error = np.nan
             try:
                 after = motion.advance(state, step)
-                if control.adaptive or number % _LOOK == 0:
+                if adaptive or number % _LOOK == 0:
                     error = motion.error(state, after)
-                if not control.adaptive or error <= control.error:
+                if not adaptive or error <= control.error:
                     break
                 reason = f"an error of {error:.2g}"
             except NotConverged as failure:
@@ -300,5 +282,5 @@ def time_steps(motion: Motion, state: State, control: StepSize) -> Iterator[tupl
             )
         yield after, error
         state = after
-        if control.adaptive and error <= _SMALL_ERROR * control.error:
+        if adaptive and error <= _SMALL_ERROR * control.error:
             step = min(2.0 * step, control.first)

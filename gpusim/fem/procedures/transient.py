@@ -11,17 +11,16 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
 from gpusim.fem.linear.solve_plan import Clock, Options
-from gpusim.fem.model.damping import Damping, Rayleigh, StructuralDamping
+from gpusim.fem.model.damping import Damping, ModalDamping, Rayleigh
 from gpusim.fem.model.history import (
     ENERGIES,
     FilePath,
     History,
-    ModalMotion,
     State,
     Superposition,
     interpolated,
     storage,
-    stored,
+    written,
 )
 from gpusim.fem.model.mass import MASS_RULES
 from gpusim.fem.model.model import Model, resolve_formulation
@@ -35,9 +34,8 @@ from gpusim.fem.procedures.initial_value_problem import (
     load_factors,
     with_moving_ground,
 )
-from gpusim.fem.procedures.modal_superposition import ModalResponse, modal_superposition
+from gpusim.fem.procedures.modal_superposition import ModalMotion, modal_superposition
 from gpusim.fem.procedures.modes import modes
-from gpusim.fem.procedures.nonlinear_motion import NonlinearMotion
 from gpusim.fem.procedures.time_integration import (
     METHODS,
     LinearMotion,
@@ -60,6 +58,10 @@ _SUBSTEPS = 4
 _INSTANTS, _FRAMES = 1024, 16
 # share of an energy from which on a warning says that modes lack it
 _LACKING = 0.01
+# error of each solution, at most: that of adaptive steps may be greater
+_SOLUTION = 1e-5
+# of the sum of a load over time, that steps may miss; of the whole time, how short they may get
+_MISSED, _FINEST = 0.05, 1e-6
 # of the greatest displacement, in a step, from which on a warning says so
 _WARNED_ERROR = 1e-3
 
@@ -84,29 +86,63 @@ def transient(
     file: FilePath = None,
     progress: Progress | None = None,
 ) -> History:
-    """Response in time."""
-    at, names = increasing(times, "transient: times"), resolve_formulation(model, formulation)
-    _check_damping(damping, method, geometry)
-    first = _first_step(at, step)
-    checked_model(model)
-    factors = load_factors(loads, len(model.load_cases), at, first)
+    """Response of a body to loads over time, by linear theory or at large displacements.
+
+    Parameters
+    ----------
+    model : see `gpusim.Model`; its materials need densities.
+    times : (T,) increasing; the first one is when it begins.
+    loads : factors of the model's load cases, linear in between: (T,), or (T,L) of L cases, at
+        ``times``; a `Record` with times of its own (an impact; a moving load, one case a place); a
+        function of time. None: 1 from the first instant on.
+    method : "modal": of ``count`` modes, exact between instants at which loads bend; or steps by
+        "newmark" (trapezoidal rule), "hht" or "generalized-alpha", of second order.
+    damping : `Rayleigh`, or with "modal" `ModalDamping`.
+    initial : None: at rest. A `Solution` that is let go, or displacement and velocity, (N,3) each.
+    base : accelerations of the ground, a `Record` (R,3); displacements are relative to it.
+    step : length of steps; None: a quarter of the shortest between ``times``, or less where loads
+        ask for it; "adaptive": that at most, and none is more than ``tolerance`` of the greatest
+        displacement off.
+    spectral_radius : what "hht" and "generalized-alpha" leave in a step of motions that are much
+        too quick for it: 1 all, 0 nothing.
+    tolerance : error of the solution of each step, relative.
+    formulation, mass : see `gpusim.modes`. geometry : "linear" or "nonlinear".
+    file : HDF5 file that the history is streamed to. progress : called with (steps, time).
+
+    Raises InputError for wrong arguments, steps too long for the loads and histories larger than
+    memory, NotConverged for a step that can't be found or adds energy to the body: it is too long.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(1, 0.1, 0.1), divisions=(8, 1, 1))
+    >>> fixed = np.isclose(bar.points[:, :1], 0.0).repeat(3, axis=1)
+    >>> push = gs.fem.face_force(bar, gs.mesh.select_faces(bar, name="x_max"), total=(0, 0, 1e3))
+    >>> model = gs.Model(bar, gs.Isotropic(210e9, 0.3, density=7850.0), fixed, push)
+    >>> times = np.linspace(0, 0.012, 61)
+    >>> history = gs.transient(model, times=times, damping=gs.ModalDamping(0.02))
+    >>> f"{np.asarray(history.u)[:, -1, 2].max() / gs.solve(model).u[-1, 2]:.2f}"
+    '1.90'
+    """
+    at, cases = increasing(times, "transient: times"), len(checked_model(model).load_cases)
+    names, first = resolve_formulation(model, formulation), _first_step(at, step)
+    _check_fit(method, damping, geometry, progress)
+    factors = load_factors(loads, cases, at, first)
     problem = InitialValueProblem(model, names, mass, factors, *initial_state(model, initial))
     problem = with_moving_ground(problem, base)
-    options = Options("auto", None, "numpy", tolerance, None, None, None, names, Clock())
+    sharp = min(tolerance, _SOLUTION)
+    options = Options("auto", None, "numpy", sharp, None, None, None, names, Clock())
     with one_blas_thread():
         if method == "modal":
-            found = modes(model, count=count, formulation=names, mass=mass)
-            response = modal_superposition(problem, found, damping, options)
-            fields = superposed(response, at, file)
+            found = modes(model, count, formulation=names, mass=mass)
+            fields = superposed(modal_superposition(problem, found, damping, options), at, file)
         else:
-            scheme, rayleigh = Scheme.named(method, spectral_radius), damping or Rayleigh()
-            problem.require_fine(first)
-            moving = LinearMotion if geometry == "linear" else NonlinearMotion
-            moved: Motion = moving(problem, scheme, rayleigh, options)
-            adaptive = step == "adaptive"
-            error = tolerance * moved.size(at[-1] - at[0]) if adaptive else np.inf
-            steps = partial(time_steps, moved, control=StepSize(first, adaptive, error))
-            fields = integrated(moved, steps, at, file, progress)
+            scheme = Scheme.named(method, spectral_radius)
+            first = _fine_step(problem, first, is_number(step))
+            rayleigh = damping if isinstance(damping, Rayleigh) else Rayleigh()
+            motion = _motion(geometry)(problem, scheme, rayleigh, options)
+            error = tolerance * motion.size(at[-1] - at[0]) if step == "adaptive" else np.inf
+            steps = partial(time_steps, motion, control=StepSize(first, error))
+            fields = integrated(motion, steps, at, file, progress)
     options.clock.mark("response")
     return History(times=at, method=method, timings=options.clock.timings, model=model, **fields)
 
@@ -115,49 +151,72 @@ def _first_step(times: Float, step: float | str | None) -> float:
     """Of constant steps, or the longest of adaptive ones."""
     if step is None or step == "adaptive":
         return float(np.diff(times).min()) / _SUBSTEPS
-    fits = is_number(step) and 0.0 < step < np.inf
+    length = float(step) if is_number(step) else np.nan
+    fits = 0.0 < length < np.inf
     require(fits, "transient: step", repr(step), "a time above 0, 'adaptive', or None")
-    return float(step)
+    return length
 
 
-def _check_damping(damping: Damping | None, method: str, geometry: str) -> None:
-    """What can't be had in time, or with a method."""
-    if damping is None:
-        return
-    what, got = "transient: damping", repr(damping)
-    harmonic = isinstance(damping, StructuralDamping)
-    require(not harmonic, what, got, "Rayleigh or ModalDamping: that of structures is harmonic")
+def _fine_step(problem: InitialValueProblem, step: float, given: bool) -> float:
+    """One that misses little of the loads. Raises InputError where a ``given`` one misses more, or
+    every one that can be made."""
+    whole, what = float(np.ptp(problem.factors.times)), "transient: step"
+    require(step <= whole, f"{what}, too long", step, f"at most {whole:.6g}, all of it")
+    while (missed := problem.missed(step)) > _MISSED:
+        got = f"{step:.3g}, which misses {missed:.0%} of a load in between"
+        fits = not given and step > _FINEST * whole
+        require(fits, f"{what}, too long", got, f"{_MISSED:.0%} at most")
+        step *= 0.5
+    return step
+
+
+def _check_fit(
+    method: str, damping: Damping | None, geometry: str, progress: Progress | None
+) -> None:
+    """Raises InputError for what a method can't do."""
+    called, linear = progress is None or callable(progress), geometry == "linear"
+    require(called, "transient: progress", repr(progress), "a function, or None")
+    fits, what = linear or method != "modal", "transient: method at large displacements"
+    require(fits, what, method, f"one of {', '.join(METHODS)}")
+    what, got, dragging = "transient: damping", repr(damping), isinstance(damping, Rayleigh)
+    known = damping is None or dragging or isinstance(damping, ModalDamping)
+    require(known, what, got, "Rayleigh or ModalDamping: that of structures is harmonic")
     if method != "modal":
-        require(isinstance(damping, Rayleigh), what, got, "Rayleigh, or method='modal'")
-    if geometry == "nonlinear":
-        require(damping.stiffness == 0.0, what, got, "stiffness=0: that would damp rotations")
+        require(damping is None or dragging, what, got, "Rayleigh, or method='modal'")
+    turning = not linear and isinstance(damping, Rayleigh) and damping.stiffness > 0.0
+    require(not turning, what, got, "stiffness=0 at large displacements: it would damp rotations")
 
 
-def superposed(response: ModalResponse, times: Float, file: FilePath) -> dict[str, Any]:
+def _motion(geometry: str) -> type[LinearMotion]:
+    """What linear theory doesn't need isn't loaded."""
+    if geometry == "linear":
+        return LinearMotion
+    from gpusim.fem.procedures.nonlinear_motion import NonlinearMotion
+
+    return NonlinearMotion
+
+
+def superposed(motion: ModalMotion, times: Float, file: FilePath) -> dict[str, Any]:
     """Fields of a `History`: nothing that is as large as the body is kept for every instant, but in
     a file."""
     parts = np.array_split(times, 1 + len(times) // _INSTANTS)
-    states = [(part, response.modes.at(part)) for part in parts]
-    series = [
-        Superposition(np.concatenate(amplitudes), response.shapes)
-        for amplitudes in zip(*(response.amplitudes(*one) for one in states), strict=True)
-    ]
-    energies = zip(*(response.energies(*one) for one in states), strict=True)
+    *amplitudes, energies = zip(*(motion.coordinates(part) for part in parts), strict=True)
+    series = [Superposition(np.concatenate(one), motion.shapes) for one in amplitudes]
     fields: dict[str, Any] = dict(zip("uva", series, strict=True))
-    fields |= {name: np.concatenate(one) for name, one in zip(ENERGIES, energies, strict=True)}
+    fields |= dict(zip(ENERGIES, np.hstack(energies), strict=True))
     if file is not None:
-        with storage(times, response.shapes.shape[1], file) as data:
+        with storage(times, motion.shapes.shape[1], file) as data:
             for name, values in fields.items():
                 for first in range(0, len(times), _FRAMES):
                     frames = slice(first, first + _FRAMES)
                     data[name][frames] = values[frames]
-    return stored(fields, file) | {
-        "message": f"{len(response.modes.oscillators.angular)} modes",
-        "modal": ModalMotion(response.shapes, response),
+    return written(fields, file) | {
+        "message": f"{len(motion.modes.oscillators.angular)} modes",
+        "modal": motion,
         "warnings": tuple(
             f"modes lack {share:.2g} of the energy of the {what}; more of them (count=...) lack "
             "less"
-            for what, share in response.lacking.items()
+            for what, share in motion.lacking.items()
             if share > _LACKING
         ),
     }
@@ -174,21 +233,17 @@ def integrated(
     errors."""
     worst, greatest, k = 0.0, 0.0, 1
     before = motion.begin(times[0])
-    energies: Float | None = motion.energies(before)
     with storage(times, len(motion.displacements(before.u)), file) as fields:
-        _keep(fields, 0, motion, before, energies)
+        _keep(fields, 0, motion, before, motion.energies(before))
         for number, (after, error) in enumerate(steps(before), 1):
             slack = _SAME * (after.time - before.time)
             worst, greatest = np.fmax(worst, error), max(greatest, float(np.abs(after.u).max()))
-            if times[k] > after.time + slack:
-                energies = None
-            else:
-                first = motion.energies(before) if energies is None else energies
-                energies = motion.energies(after)
+            if times[k] <= after.time + slack:
+                energies = motion.energies(before), motion.energies(after)
             while k < len(times) and times[k] <= after.time + slack:
                 share = min((times[k] - before.time) / (after.time - before.time), 1.0)
-                state = interpolated(before, after, share)
-                _keep(fields, k, motion, state, (1.0 - share) * first + share * energies)
+                stored = (1.0 - share) * energies[0] + share * energies[1]
+                _keep(fields, k, motion, interpolated(before, after, share), stored)
                 k += 1
             if progress is not None:
                 progress(number, after.time)
@@ -197,13 +252,12 @@ def integrated(
             before = after
     message = f"{number} steps, {motion.message}"
     worst /= greatest if greatest > 0.0 else 1.0
-    warnings = ()
-    if not worst <= _WARNED_ERROR:
-        warnings = (
-            f"a step is {worst:.1%} of the greatest displacement off: a shorter one, or "
-            "step='adaptive', resolves more of the motion",
-        )
-    return {**stored(fields, file), "message": message, "warnings": warnings}
+    told = (
+        f"a step is {worst:.1%} of the greatest displacement off: a shorter one, or "
+        "step='adaptive', resolves more of the motion"
+    )
+    warnings = () if worst <= _WARNED_ERROR else (told,)
+    return {**written(fields, file), "message": message, "warnings": warnings}
 
 
 def _keep(fields: dict[str, Any], k: int, motion: Motion, state: State, energies: Float) -> None:

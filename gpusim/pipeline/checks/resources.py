@@ -102,7 +102,7 @@ def _read_picture(paint: m.PictureTable, scene: Scene) -> None:
 
 def _check_field(mesh: m.FieldMeshTable, name: str, scene: Scene, warnings: list[str]) -> None:
     field = read_given_field(mesh, scene.input)
-    check_field(field, scene.analysis.load_factors)
+    check_field(field, scene.analysis.frame_values)
     warnings += size_warnings_of(name, mesh, field.mesh)
 
 

@@ -98,7 +98,8 @@ def build_objects(scene: Scene) -> SceneObjects:
     stages = {one.name for one in scene_stages(scene, RunOptions("numpy")).stages}
     for parts in bodies:
         if f"model/{parts.body.name}" in stages:
-            build_model(parts, load_groups(parts.body, scene.analysis.load_factors))
+            groups = load_groups(parts.body, scene.analysis.load_factors)
+            build_model(parts, groups, may_be_free=scene.analysis.vibrates)
     props = [build_prop(prop, scene.input) for prop in scene.props]
     board = scene.calibration.board if scene.calibration is not None else ""
     shown = [instant.shown for instant in frame_table(scene)]

@@ -70,7 +70,7 @@ def track_markers(
     marks = collect_markers(spec, scene, objects.bodies)
     by_name = {one.name: one for one in scene.cameras}
     cameras = tuple(build_camera(by_name[name], scene.input) for name in spec.views)
-    frames = range(len(scene.analysis.load_factors))
+    frames = range(len(scene.analysis.frame_values))
     tracks = []
     for name, camera in zip(spec.views, cameras, strict=True):
         sensor = build_sensor(scene.sensor_of(name), by_name[name], 1.0)

@@ -9,8 +9,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from gpusim.arrays.array_types import Float
+from gpusim.errors import InputError
 from gpusim.gpu import chosen_backend
 from gpusim.mesh import Mesh
+from gpusim.motion import State, Vibration
 from gpusim.pipeline.runner.part import part_runner
 from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.plan.scene_stages import scene_stages
@@ -66,12 +68,31 @@ class BodySolution:
     def __repr__(self) -> str:
         return f"BodySolution({self.mesh}, {self.frames} frames)"
 
-    def displacement(self, frame: int) -> Float:
-        """(N, 3) m of the nodes. Raises InputError for a frame that isn't there."""
-        return self._contents.displacement(self._number, self._contents.checked(frame))
+    def displacement(self, frame: int, after: float = 0.0) -> Float:
+        """(N, 3) m of the nodes, so many s ``after`` a frame (before it: less than 0). Raises
+        InputError for a frame that isn't there, and for a body that is known in frames alone."""
+        if not after:
+            return self._contents.displacement(self._number, self._contents.checked(frame))
+        motion, state = self._vibration(frame)
+        return motion.displacement(motion.later(state, after))
+
+    def velocity(self, frame: int, after: float = 0.0) -> Float:
+        """(N, 3) m/s, likewise."""
+        motion, state = self._vibration(frame)
+        return motion.velocity(motion.later(state, after))
+
+    def _vibration(self, frame: int) -> tuple[Vibration, State]:
+        found = self._contents.vibrations(self._contents.checked(frame)).get(self._number)
+        if found is None:
+            what = f"scene {self._contents.scene.name!r}: motion between frames"
+            kind = self._contents.scene.analysis.type
+            raise InputError(f"{what}; got a body that doesn't vibrate in frame {frame} of an "
+                             f"analysis of type {kind!r}; expected one that does")  # fmt: skip
+        return found
 
     def reactions(self, frame: int) -> Float:
-        """(S, 3) N of the supports, as the scene lists them; a field has none."""
+        """(S, 3) N of the supports, as the scene lists them; a field and a body that vibrates have
+        none."""
         state = self._contents.frames[self._contents.checked(frame)].states[self._number]
         motion = self._contents.motions[self._number]
         if motion is None or state is None:

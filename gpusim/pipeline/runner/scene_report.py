@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,8 @@ from gpusim.plan.machine_speed import Speed
 from gpusim.plan.plan import Plan
 from gpusim.report import (
     BodyForce,
+    Chart,
+    Drawing,
     FieldPicture,
     FramePair,
     Link,
@@ -43,11 +45,12 @@ from gpusim.report import (
     Stage,
     StressPeak,
     Table,
+    draw_chart,
 )
 from gpusim.report.text import number
 from gpusim.scene import Scene
 from gpusim.scene.cost import effects
-from gpusim.scene.frames import frame_word
+from gpusim.scene.frames import frame_text, frame_word
 from gpusim.visualization.color_scale import format_value
 
 _FIRST = ("solve", "equilibria", "geometry", "linear theory")
@@ -99,7 +102,7 @@ class SceneReport:
             load_path=path,
             description=scene.description,
             failure=failure,
-            highlights=_highlights(fields),
+            highlights=_lowest(self._modes) or _highlights(fields),
             facts=self._facts(),
             scene_text=scene.to_toml(),
             frames=_pairs(scene, self.out, told),
@@ -107,8 +110,9 @@ class SceneReport:
             overlays=tuple(item for one in told for item in one.overlays),
             residuals=() if solution is None else tuple(solution["residuals"]),
             tolerance=scene.solver.tolerance,
-            figures=tuple(item for one in told for item in one.figures),
-            tables=_newton_table(self._load_steps),
+            figures=(*self._charts(), *(item for one in told for item in one.figures)),
+            modes=self._modes,
+            tables=(*_mode_table(self._modes), *_newton_table(self._load_steps)),
             links=self._links(),
         )
 
@@ -169,6 +173,20 @@ class SceneReport:
     def _load_steps(self) -> tuple[LoadStepRow, ...]:
         """Of the bodies at large displacements."""
         return tuple(LoadStepRow(**row) for row in self._said("equilibria").get("steps", ()))
+
+    @cached_property
+    def _modes(self) -> tuple[Mapping[str, Any], ...]:
+        """Of bodies whose modes were asked for."""
+        return tuple(self._said("solve").get("modes", ()))
+
+    def _charts(self) -> list[Drawing]:
+        """Curves of motions in time, and of responses over frequencies."""
+        charts = [Chart(**row) for row in self._said("solve").get("charts", ())]
+        folder = inside(self.out, "figures")
+        return [
+            partial(draw_chart, chart, inside(folder, f"chart-{number}.png"))
+            for number, chart in enumerate(charts, 1)
+        ]
 
     def _fields(self) -> tuple[tuple[FieldPicture, ...], LoadPath | None]:
         """Pictures of the bodies, and how they go with the load."""
@@ -302,6 +320,29 @@ def _newton_table(steps: Sequence[LoadStepRow]) -> tuple[Table, ...]:
     return (Table("Newton's method", columns, rows),)
 
 
+def _mode_table(modes: Sequence[Mapping[str, Any]]) -> tuple[Table, ...]:
+    """Frequencies and effective masses, or critical load factors, of the first modes."""
+    if not modes:
+        return ()
+    columns = tuple(f"{key[0].upper()}{key[1:].replace('_', ' ')}" for key in modes[0])
+    rows = tuple(
+        tuple(f"{v:.6g}" if isinstance(v, float) else str(v) for v in one.values())
+        for one in modes[:_MOST_ROWS]
+    )
+    return (Table("Modes", columns, rows),)
+
+
+def _lowest(modes: Sequence[Mapping[str, Any]]) -> dict[str, tuple[str, str]]:
+    """A card for the lowest mode of each body."""
+    firsts = [[*one.items()] for one in modes if one["mode"] == 1]
+    return {
+        f"Lowest {what.partition('_')[0]}, {body}": (
+            f"{number(value, 5)} {what.partition('_')[2]}", "mode 1"
+        )
+        for (_, body), _, (what, value), *_ in firsts
+    }  # fmt: skip
+
+
 def _highlights(fields: Sequence[FieldPicture]) -> dict[str, tuple[str, str]]:
     """The largest displacement and stress."""
     cards = {}
@@ -325,12 +366,12 @@ def _published(scene: Scene, measurements: Sequence[Measurement]) -> tuple[Publi
 
 
 def _pairs(scene: Scene, out: Path, told: Sequence[Reported]) -> tuple[FramePair, ...]:
-    factors = scene.analysis.load_factors
-    last = len(factors) - 1
+    factors, last = scene.analysis.load_factors, len(scene.analysis.frame_values) - 1
     objects = [thing for body in scene.bodies for thing in (*body.loads, *body.supports)]
     own = any(thing.amplitude != factors for thing in objects)  # the factors don't tell all then
     word = frame_word(scene).replace("_", " ")
-    when = f"frames 0 and {last}" if own else f"{word} {factors[0]:g} and {factors[last]:g}"
+    first, then = (frame_text(scene, frame) for frame in (0, last))
+    when = f"frames 0 and {last}" if own else f"{first} and {then.removeprefix(f'{word} ')}"
     pairs = []
     for camera in scene.cameras:
         paths = [image_path(scene, out, camera.name, k) for k in (0, last)]
@@ -342,8 +383,8 @@ def _pairs(scene: Scene, out: Path, told: Sequence[Reported]) -> tuple[FramePair
         sensor = scene.sensor_of(camera.name)
         bits = 16 if sensor.shift else sensor.bits
         images = [
-            (f"frame {k}" if own else f"{word} {factor:g}", image_path(scene, out, camera.name, k))
-            for k, factor in enumerate(factors)
+            (f"frame {k}" if own else frame_text(scene, k), image_path(scene, out, camera.name, k))
+            for k in range(last + 1)
         ]
         pairs.append(FramePair(camera.name, paths[0], paths[1], caption, tuple(crops[:4]), bits,
                                tuple(one for one in images if one[1].is_file())))  # fmt: skip

@@ -10,6 +10,7 @@ In the order in which data passes:
   loads.
 - `solution`: The solution of a scene's bodies, as it is kept and told.
 - `load_steps`: Load steps of a scene's bodies at large displacements, as they are kept.
+- `vibrations`: Modes, steady vibrations and motions in time of a scene's bodies, as they are kept.
 - `moving_bodies`: What stands in front of the cameras, and where it is in each frame.
 - `cameras`: Cameras, lenses, shutters and sensors of a scene as the optics take them.
 - `lights`: Lights of a scene as the optics take them.

@@ -66,7 +66,9 @@ class BodyModel:
     support: Int
 
 
-def build_model(parts: MeshedBody, groups: Sequence[LoadGroup]) -> BodyModel:
+def build_model(
+    parts: MeshedBody, groups: Sequence[LoadGroup], may_be_free: bool = False
+) -> BodyModel:
     """Material, supports and loads; each of the body's load ``groups`` is a load case (one group:
     forces (N,3)).
 
@@ -74,7 +76,7 @@ def build_model(parts: MeshedBody, groups: Sequence[LoadGroup]) -> BodyModel:
     ------
     InputError
         A selection finds nothing, two supports want a node at different places, or the supports
-        leave a rigid-body motion free.
+        leave a rigid-body motion free, unless it ``may_be_free``.
     """
     body, grid = parts.body, parts.mesh
     if body.material is None:
@@ -115,8 +117,9 @@ def build_model(parts: MeshedBody, groups: Sequence[LoadGroup]) -> BodyModel:
         forces=forces[cases],
         constraints=[_tie(parts, tie) for tie in body.ties],
     )
-    with naming_place(f"body {body.name!r}"):
-        check_supports(model)
+    if not may_be_free:
+        with naming_place(f"body {body.name!r}"):
+            check_supports(model)
     displaced, warm = model, change if change.any() else None
     if following or warm is not None:
         displaced = replace(model, forces=dead[cases], loads=following, temperature=warm)
@@ -136,7 +139,7 @@ def linear_at_rest(model: fem.Model) -> fem.Model:
 def temperature(body: m.Body, frame: int) -> float:
     """Temperature change (K) of a body in a frame."""
     return sum(
-        load.temperature_change * load.amplitude[frame]
+        load.temperature_change * load.amplitude[min(frame, len(load.amplitude) - 1)]
         for load in body.loads
         if isinstance(load, m.ThermalTable)
     )

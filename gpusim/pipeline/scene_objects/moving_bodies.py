@@ -9,7 +9,9 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.graph.runner import Inputs
-from gpusim.motion import Motion
+from gpusim.motion import Motion, State, Vibration
+from gpusim.optics.lens.shutter import SurfacesAt
+from gpusim.pipeline.scene_objects.cameras import moving
 from gpusim.pipeline.scene_objects.surfaces import BodyParts, MeshedBody, posed
 from gpusim.scene import Scene
 from gpusim.scene.frames import Shown
@@ -33,6 +35,16 @@ class MovingBodies:
         if state is None or motion is None:
             return np.zeros((self.bodies[body].mesh.node_count, 3))
         return motion.displacement(state)
+
+    def vibrations(self, frame: int) -> dict[int, tuple[Vibration, State]]:
+        """Of the bodies that are known at any instant around a frame, by number: their motion, and
+        its state in the frame."""
+        states = self.frames[frame].states
+        return {
+            body: (motion, state)
+            for body, (motion, state) in enumerate(zip(self.motions, states, strict=False))
+            if isinstance(motion, Vibration) and state is not None
+        }
 
 
 @dataclass
@@ -60,6 +72,28 @@ class SceneObjects(MovingBodies):
             if prop.name != self.board
         ]
         return bodies + props
+
+    def around(self, near: Sequence[int], frame: int, between: float) -> SurfacesAt | None:
+        """Surfaces as a function of the time (s) since a frame; None if nothing moves.
+
+        Bodies that vibrate are where they are then; what else moves goes on as frames ``near`` it
+        tell, the first and the last of them ``between`` s apart.
+        """
+        now, vibrations = self.surfaces(frame), self.vibrations(frame)
+        slow = None
+        if len(near) > 1 and between:
+            slow = moving(self.surfaces(near[0]), now, self.surfaces(near[-1]), between)
+        if not vibrations:
+            return slow
+
+        def at(time: float) -> list[Surface]:
+            surfaces = [*(now if slow is None else slow(time))]
+            for number, (motion, state) in vibrations.items():
+                parts, u = self.bodies[number], motion.displacement(motion.later(state, time))
+                surfaces[number] = parts.skin.moved(parts.surface, u)
+            return surfaces
+
+        return at
 
 
 def scene_objects(

@@ -9,6 +9,8 @@ passes:
 - `mechanics`: Models, their solution, the motions that follow, stress by frame.
 - `equilibria`: Large displacements: which bodies linear theory is too far off for, and their
   equilibria.
+- `vibrations`: Bodies that vibrate or buckle: modes, steady vibrations.
+- `transients`: Motions of bodies in time.
 - `images`: Pictures of frames and of calibration targets: radiance, exposure, the picture.
 - `fields`: Pictures of the bodies in the colours of their fields, and how far forces move them.
 - `truth`: truth.h5: what every pixel that sees a body sees, in every frame, and the bodies' nodes.

@@ -15,7 +15,7 @@ from gpusim.export.images import encoded_picture
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
-from gpusim.motion import Motion, State, Stepped
+from gpusim.motion import Motion, Oscillation, State, Stepped
 from gpusim.pipeline.notes import notes_of
 from gpusim.pipeline.scene_objects.cameras import build_camera
 from gpusim.pipeline.scene_objects.load_steps import step_fields
@@ -44,34 +44,83 @@ ROUNDED = 1e-6
 
 
 def fields(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
-    """Of the last frame in which a body has moved: displacement, the components that matter, and,
-    where it is asked for or costs little, von Mises stress and the largest principal strain."""
-    table, asked, word = inputs.row
+    """Of the last frame in which a body has moved, of vibrations the one in which it moves most:
+    displacement, the components that matter, and, where it is asked for or costs little, von Mises
+    stress and the largest principal strain. Of frames that show modes: displacement alone, unless
+    stress is asked for."""
+    table, asked, word, modes = inputs.row
     frames = FrameTable(table)
     objects = moving_bodies(scene, inputs, [one.shown for one in frames])
-    last = max(one.number for one in frames if not one.shown.unloaded)
-    bodies = [
-        DisplacedBody(parts.body.name, parts.skin, objects.displacement(number, last))
-        for number, parts in enumerate(objects.bodies)
-    ]
+    looked = dict(modes) or {_most_moved(objects, frames): ""}
+    bodies = _displaced(objects, next(iter(looked)))
     cells = sum(body.skin.mesh.cell_count for body in bodies)
     solved = bool(inputs.get(f"model/{bodies[0].name}"))
-    stressed = solved and (asked or cells <= CHEAP_CELLS)
-    states = list(_states(objects, bodies, inputs, last)) if stressed else [
-        BodyState(body.skin.mesh, body.u) for body in bodies
-    ]  # fmt: skip
-    facts = {} if stressed or not solved else {
+    stressed = solved and (asked or (cells <= CHEAP_CELLS and not modes))
+    facts = {} if stressed or not solved or modes else {
         "fields": f"no stress or strain of {cells} elements: [output] stress = true asks for them"
     }  # fmt: skip
     notes = notes_of(facts=facts, adapter=session.adapter) | {"path": None, "pictures": []}
     if not any(body.u.any() for body in bodies):
         return StageResult({}, notes, "nothing has moved")
     solved_linearly: SceneSolution | None = inputs.get("solution")
-    notes["path"] = asdict(_load_path(objects, frames, bodies, word, solved_linearly))
+    if not objects.vibrations(next(iter(looked))):
+        notes["path"] = asdict(_load_path(objects, frames, bodies, word, solved_linearly))
     if session.device is None:
         return StageResult({}, notes, "no pictures without a device")
-    pictures = BodyPictures(session.device, bodies, _side(scene, bodies))
     files: dict[str, bytes] = {}
+    for frame, text in looked.items():
+        bodies = _displaced(objects, frame)
+        states = list(_states(objects, bodies, inputs, frame)) if stressed else [
+            BodyState(body.skin.mesh, body.u) for body in bodies
+        ]  # fmt: skip
+        drawing = BodyPictures(session.device, bodies, _side(scene, bodies))
+        for picture, data in _pictures(drawing, bodies, states, stressed, frame):
+            if modes:
+                name = f"fields/{frame:04d}-{picture.field}.png"
+                picture = replace(picture, file=name, shown=f"{text}{_rates(objects, frame)}")
+            files[picture.file] = data
+            notes["pictures"].append(asdict(picture))
+    return StageResult(files, notes, f"{len(files)} pictures")
+
+
+def _displaced(objects: MovingBodies, frame: int) -> list[DisplacedBody]:
+    return [
+        DisplacedBody(parts.body.name, parts.skin, objects.displacement(number, frame))
+        for number, parts in enumerate(objects.bodies)
+    ]
+
+
+def _most_moved(objects: MovingBodies, frames: FrameTable) -> int:
+    """The last frame in which a body has moved; of bodies that vibrate the one in which one of them
+    is displaced most."""
+    moved = [one.number for one in frames if not one.shown.unloaded]
+    if not objects.vibrations(moved[-1]):
+        return moved[-1]
+    far = [
+        max(float(np.linalg.norm(body.u, axis=1).max()) for body in _displaced(objects, frame))
+        for frame in moved
+    ]
+    return moved[int(np.argmax(far))]
+
+
+def _rates(objects: MovingBodies, frame: int) -> str:
+    """The frequencies at which bodies vibrate in a frame."""
+    rates = [
+        f"{objects.bodies[number].body.name} {motion.frequency(state):.5g} Hz"
+        for number, (motion, state) in objects.vibrations(frame).items()
+        if isinstance(motion, Oscillation) and motion.frequency(state)
+    ]
+    return f" ({', '.join(rates)})" if rates else ""
+
+
+def _pictures(
+    drawing: BodyPictures,
+    bodies: Sequence[DisplacedBody],
+    states: Sequence[BodyState],
+    stressed: bool,
+    frame: int,
+) -> Iterator[tuple[FieldPicture, bytes]]:
+    """Of each field that matters."""
     for name in _chosen(states, stressed):
         field = BODY[name]
         values = [field.values(state) for state in states]
@@ -81,13 +130,11 @@ def fields(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
             continue
         body = bodies[one.body]
         x, y, z = (1e3 * body.skin.mesh.points[one.node]).tolist()
-        file = f"fields/{name}.png"
-        files[file] = encoded_picture(pictures.draw(field, values), ".png", PNG)
-        notes["pictures"].append(asdict(FieldPicture(
-            name, field.title, field.unit, one.value, body.name, (x, y, z), last,
-            pictures.factor, file,
-        )))  # fmt: skip
-    return StageResult(files, notes, f"{len(files)} pictures")
+        picture = FieldPicture(
+            name, field.title, field.unit, one.value, body.name, (x, y, z), frame, drawing.factor,
+            f"fields/{name}.png",
+        )  # fmt: skip
+        yield picture, encoded_picture(drawing.draw(field, values), ".png", PNG)
 
 
 def _states(

@@ -34,7 +34,6 @@ from gpusim.pipeline.scene_objects.cameras import (
     build_lens,
     build_sensor,
     build_shutter,
-    moving,
     opening,
 )
 from gpusim.pipeline.scene_objects.lights import build_lights
@@ -62,9 +61,9 @@ def radiance(scene: Scene, inputs: Inputs, session: Session) -> Radiance:
     (camera,) = scene.cameras
     frames, now, between, board = inputs.row[:4]
     objects = scene_objects(scene, inputs, frames, board)
-    around = [objects.surfaces(number) for number in range(len(frames))]
-    surfaces = moving_surfaces(around, now, between)
     viewer, shutter = build_camera(camera, scene.input), build_shutter(camera)
+    in_time = None if shutter is None else objects.around(range(len(frames)), now, between)
+    surfaces = in_time or objects.surfaces(now)
     name = f"radiance/{camera.name}"
     seen_by = camera, scene.lights, scene.render  # other variants have cameras of this name, too
     last: tuple[Any, Sequence[Surface], Frame] | None = session.kept.pop(name, None)
@@ -80,16 +79,6 @@ def radiance(scene: Scene, inputs: Inputs, session: Session) -> Radiance:
     if not callable(surfaces):
         session.kept[name] = seen_by, surfaces, frame
     return Radiance(frame)
-
-
-def moving_surfaces(
-    around: Sequence[list[Surface]], now: int, between: float
-) -> Sequence[Surface] | SurfacesAt:
-    """Surfaces of a frame; as a function of time where they move while the shutter is open, of
-    which its neighbours tell: ``around`` it, ``between`` s apart."""
-    if len(around) == 1 or not between:
-        return around[now]
-    return moving(around[0], around[now], around[-1], between) or around[now]
 
 
 def target(scene: Scene, inputs: Inputs, session: Session) -> Radiance:

@@ -21,7 +21,7 @@ from gpusim.files.input_file import open_input
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
-from gpusim.motion import Given, Motion, Stepped
+from gpusim.motion import Given, Motion, Stepped, Superposed
 from gpusim.pipeline.checks.resources import check_field
 from gpusim.pipeline.notes import Notes
 from gpusim.pipeline.scene_objects.load_steps import STEPS, step_fields, stepped_motion
@@ -49,8 +49,9 @@ def model(scene: Scene, inputs: Inputs, session: Session) -> BodyModel:
     """What a body is solved as, a load case a group of its loads."""
     (body,) = scene.bodies
     meshed: MeshedBody = inputs[f"mesh/{body.name}"]
-    cases = tuple(LoadGroup((), tuple(loads), tuple(supports)) for loads, supports in inputs.row)
-    return build_model(MeshedBody(body, meshed.mesh, meshed.skin), cases)
+    cases, may_be_free = inputs.row
+    groups = tuple(LoadGroup((), tuple(loads), tuple(supports)) for loads, supports in cases)
+    return build_model(MeshedBody(body, meshed.mesh, meshed.skin), groups, may_be_free)
 
 
 def solve_scene(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
@@ -88,7 +89,7 @@ def given(scene: Scene, inputs: Inputs, session: Session) -> Given:
     """The motion of a body whose displacements another program has found."""
     meshed: MeshedBody = inputs[f"mesh/{inputs.row}"]
     assert meshed.field is not None
-    check_field(meshed.field, scene.analysis.load_factors)
+    check_field(meshed.field, scene.analysis.frame_values)
     return Given(meshed.field.at)
 
 
@@ -222,7 +223,8 @@ def write_stresses(
                 done = (number + step / len(moving)) / len(objects.bodies)
                 progress(done, f"{parts.body.name}: frame {frame}")
                 weights = objects.frames[frame].states[number] or (0.0,)
-                if last is not None and len(weights) == 1 and scaled:
+                multiple = scaled and isinstance(objects.motions[number], Superposed)
+                if last is not None and len(weights) == 1 and multiple:
                     found, factor = last[1], weights[0] / last[0]
                 else:
                     found, factor = _recovered(objects, number, model, frame), 1.0

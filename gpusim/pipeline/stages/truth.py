@@ -25,7 +25,6 @@ from gpusim.pipeline.notes import notes_of
 from gpusim.pipeline.pictures.image_window import Window, whole_window, window_of
 from gpusim.pipeline.scene_objects.cameras import build_camera, build_shutter, opening
 from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects, scene_objects
-from gpusim.pipeline.stages.images import moving_surfaces
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.scene.frames import FrameTable, frame_word
@@ -134,11 +133,10 @@ def sight(
     scene = objects.scene
     viewer, shutter = build_camera(spec, scene.input), build_shutter(spec)
     rate = scene.analysis.frame_rate
-    if frame is not None and shutter is not None and shutter.line_time and rate is not None:
-        near = frames.near(frame, wide=True)
-        around = [objects.surfaces(one) for one in near]
-        now = moving_surfaces(around, near.index(frame), (near[-1] - near[0]) / rate)
-        if callable(now):
+    if frame is not None and shutter is not None and shutter.line_time:
+        near = frames.near(frame, wide=rate is not None)
+        now = objects.around(near, frame, (near[-1] - near[0]) / (rate or 1.0))
+        if now is not None:
             middle = opening(shutter, viewer) + 0.5 * shutter.exposure_time
             surfaces, viewer = rolled(now, lambda _: viewer, middle, shutter.line_time)
             return (Frame(local_view(surfaces, viewer, lit=True), session.device),

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from gpusim.choices import LensModel, SurfaceStrain
 
+from .analysis import frame_count
 from .measure_table import MeasureFault, MeasureTable
 from .table import Length, Listed, Name, Names, Pair, PositivePair, Vector, Words, fault
 
@@ -257,7 +258,7 @@ def _missing_frames(
     analysis, frames = document.get("analysis", {}), entry.get("frames")
     if not isinstance(analysis, Mapping) or not isinstance(frames, list):
         return
-    instants = analysis.get("times", analysis.get("load_factors", [0, 1]))
+    count = frame_count(analysis)
     for place, frame in enumerate(frames):
-        if isinstance(instants, list) and isinstance(frame, int) and not frame < len(instants):
-            yield ("frames", place), "no such frame", frame, f"from 1 to {len(instants) - 1}"
+        if count is not None and isinstance(frame, int) and not frame < count:
+            yield ("frames", place), "no such frame", frame, f"from 1 to {count - 1}"

@@ -8,8 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal, cast
 
 from pydantic import Field, model_validator
 
-from .colors import SceneColor, Shade
-from .finishes import FINISHES, FinishName
+from .colors import FINISHES, FinishName, SceneColor, Shade
 from .loads import WhereTable
 from .table import (
     Direction,

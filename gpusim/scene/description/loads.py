@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -102,7 +103,8 @@ class _Driven(Table):
 
     def undriven(self) -> Self:
         """The same at amplitude 1, whatever the frames have."""
-        copy = self.model_copy(update={"amplitude_": None})
+        varied = {"amplitude_", "times_s"} & {*type(self).model_fields}
+        copy = self.model_copy(update=dict.fromkeys(varied))
         copy._of_analysis = ()
         return copy
 
@@ -176,7 +178,23 @@ class _Load(_Driven):
     name: Name
     """What messages and --set call it."""
     amplitude_: Annotated[Factors | None, Field(alias="amplitude")] = None
-    """One factor per frame for this load; without it the analysis' load_factors."""
+    """One factor per frame for this load; without it the analysis' load_factors. Of a transient
+    analysis linear in between, and 1 without it."""
+    times_s: Factors | None = None
+    """Of a transient analysis: the times that ``amplitude`` has its factors at, in place of the
+    frames'; before and after them it stays as it is there."""
+
+    @model_validator(mode="after")
+    def _check_times(self) -> Self:
+        if self.times_s is None:
+            return self
+        count = len(self.amplitude_ or ())
+        if len(self.times_s) != count:
+            raise fault("times_s", "not one per factor of amplitude",
+                        Words(f"{len(self.times_s)} times"), f"{count}")  # fmt: skip
+        if not all(a < b for a, b in pairwise(self.times_s)):
+            raise fault("times_s", "not in their order", self.times_s, "times that increase")
+        return self
 
 
 class _Force(_Load):

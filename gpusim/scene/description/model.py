@@ -7,6 +7,7 @@ plane of the faces it falls on, seen from outside) is None for +z, or +y on a pl
 horizontal.
 """
 
+from .analysis import AnalysisTable, AnalysisType
 from .camera import CameraTable
 from .correlation_measures import (
     CorrelationTable,
@@ -81,8 +82,6 @@ from .paint import (
     SpeckleTable,
 )
 from .processing import (
-    AnalysisTable,
-    AnalysisType,
     OutputTable,
     RenderTable,
     SolverTable,

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from .analysis import AnalysisTable
 from .camera import CameraTable
 from .lights import LightTable
 from .loads import Amplitude, Load, LoadTable, SupportTable, TieTable, WhereTable
@@ -22,7 +23,7 @@ from .mesh import (
     NotchRecipeTable,
 )
 from .paint import Paint, PaintTable, not_by_uv
-from .processing import AnalysisTable, OutputTable, RenderTable, SolverTable, VariantTable
+from .processing import OutputTable, RenderTable, SolverTable, VariantTable
 from .prop import CalibrationTable, PropTable
 from .sensor import SensorTable
 from .table import Listed, Name, Table, Words, fault

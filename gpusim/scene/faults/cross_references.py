@@ -10,20 +10,22 @@ from collections.abc import Mapping
 from typing import Any
 
 from gpusim.errors import Fault, similar_name
+from gpusim.scene.description.analysis import ANALYSIS_TYPES, frame_count
 from gpusim.scene.description.material import FINITE_STRAIN, FLOWING, NO_FLOW
 from gpusim.scene.description.measure_table import TABLES
 from gpusim.scene.description.mesh import NOTCHABLE, SETS
-from gpusim.scene.description.processing import ANALYSIS_TYPES
 from gpusim.scene.description.table import Words, tables_of
 
 from .faults import value_text
 from .key_paths import Keys, dotted, listed
+from .vibrations import vibration_faults
 
 Found = list[tuple[Keys, Fault]]
 Names = dict[str, None]  # in their order, and quick to look up
 Item = tuple[int, dict[str, Any]]
 _BITS = 31  # of a truth layer
 _DICE = 10  # cameras in a file of DICe's
+_OF_FRAMES = ("load_factors", "times", "duration_s")  # keys that say how many there are
 _OF_TYPE = "measure of a "
 _SHADOWS = 32  # lamps that the renderer looks for shadows of
 _HINTS = 50  # faults whose nearest word is looked for, which takes a while where there are many
@@ -49,6 +51,8 @@ def check_document(document: Mapping[str, Any]) -> Found:
     checks.outputs()
     checks.shutters()
     checks.shadows()
+    for keys, *fault in vibration_faults(document):
+        checks.add(keys, *fault)
     return checks.found
 
 
@@ -90,6 +94,9 @@ class _Checks:
         self.analysis = _table(document, "analysis")
         kind = "" if self.analysis is None else str(self.analysis.get("type", "static"))
         self.analysis_type = ANALYSIS_TYPES.get(kind)
+        self.frames = frame_count(self.analysis)
+        keys = self.analysis_type.keys if self.analysis_type else ()
+        self.frames_key = next((key for key in keys if key in _OF_FRAMES), "type")
         lists = ("material", "body", "prop", "camera", "measure", "variant")
         self.materials, self.bodies, self.props, self.cameras, self.measures, self.variants = (
             list(tables_of(document, key)) for key in lists
@@ -208,7 +215,6 @@ class _Checks:
     def loads(self) -> None:
         """Held where they pull, on materials that feel them, with one factor per frame."""
         material = {str(m.get("name")): m for _, m in self.materials}
-        factors = None if self.analysis is None else self.analysis.get("load_factors", [0, 1])
         for index, body in self.bodies:
             at: Keys = ("body", index)
             mesh = body.get("mesh")
@@ -230,10 +236,11 @@ class _Checks:
                     self.add((*at, "load", place), problem, names[0], wanted)
             for kind in ("load", "support"):
                 for place, entry in tables_of(body, kind):
-                    self._one_per_frame(
-                        (*at, kind, place, "amplitude"), entry.get("amplitude"), factors,
-                        "factor", "analysis.load_factors",
-                    )  # fmt: skip
+                    if "times_s" not in entry and self.frames_key != "type":
+                        self._one_per_frame(
+                            (*at, kind, place, "amplitude"), entry.get("amplitude"), "factor",
+                            "frames in [analysis]",
+                        )  # fmt: skip
 
     def geometry(self) -> None:
         """Nothing that linear theory doesn't know where that is asked for; no metal in elements
@@ -260,10 +267,10 @@ class _Checks:
                     self.add((*at, "load", place, "follows"), "in linear theory nothing turns",
                              True, 'analysis.geometry = "nonlinear", or "auto"')  # fmt: skip
 
-    def _one_per_frame(self, keys: Keys, values: Any, frames: Any, what: str, of: str) -> None:
-        if isinstance(values, list) and isinstance(frames, list) and len(values) != len(frames):
+    def _one_per_frame(self, keys: Keys, values: Any, what: str, of: str) -> None:
+        if isinstance(values, list) and self.frames and len(values) != self.frames:
             self.add(keys, f"not one {what} per frame", Words(f"{len(values)} {what}s"),
-                     f"{len(frames)}, as many as {of}")  # fmt: skip
+                     f"{self.frames}, as many as {of}")  # fmt: skip
 
     def what_is_there(self) -> None:
         """Something to see, and to measure and compare, if it is to be measured."""
@@ -271,13 +278,11 @@ class _Checks:
         if document.get("body", []) == [] and document.get("prop", []) == []:
             got, wanted = Words("no body and no prop"), "at least one [[body]]"
             self.add(("body",), "nothing is there", got, wanted)
-        for key, what in (("load_factors", "load factors"), ("times", "times")):
-            factors = (self.analysis or {}).get(key)
-            kinds = [TABLES.get(str(measure.get("type"))) for _, measure in self.measures]
-            least = max((kind.least_frames for kind in kinds if kind), default=0)
-            if isinstance(factors, list) and len(factors) == 1 < least:
-                self.add(("analysis", key), "nothing to compare", Words("one frame"),
-                         f"two {what} or more, the first one the reference")  # fmt: skip
+        kinds = [TABLES.get(str(measure.get("type"))) for _, measure in self.measures]
+        least = max((kind.least_frames for kind in kinds if kind), default=0)
+        if self.frames == 1 < least:
+            self.add(("analysis", self.frames_key), "nothing to compare", Words("one frame"),
+                     "two frames or more, the first one the reference")  # fmt: skip
         measures = document.get("measure")
         if isinstance(measures, list) and measures and document.get("camera", []) == []:
             got, wanted = Words("no camera"), "at least one [[camera]]"
@@ -298,14 +303,9 @@ class _Checks:
                          f'"field", for body {value_text(body.get("name"))}')  # fmt: skip
 
     def poses(self) -> None:
-        frames = None
-        if self.analysis is not None:
-            given = self.analysis_type is not None and self.analysis_type.given
-            key = "times" if given else "load_factors"
-            frames = self.analysis.get(key, [0, 1])
         for index, prop in self.props:
             keys = ("prop", index, "poses")
-            self._one_per_frame(keys, prop.get("poses"), frames, "pose", "frames in [analysis]")
+            self._one_per_frame(keys, prop.get("poses"), "pose", "frames in [analysis]")
 
     def calibration(self) -> None:
         """Board, cameras and props exist."""
@@ -359,7 +359,7 @@ class _Checks:
             shutter, at = camera.get("shutter"), ("camera", index, "shutter")
             if not isinstance(shutter, Mapping):
                 continue
-            if rate is None:
+            if rate is None and not (self.analysis_type and self.analysis_type.vibrates):
                 got, wanted = Words("a shutter"), "analysis.frame_rate_Hz beside it"
                 self.add(at, "without a time between frames", got, wanted)
                 continue

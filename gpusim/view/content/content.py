@@ -13,7 +13,7 @@ import numpy as np
 from gpusim.arrays.array_types import Bool, Float
 from gpusim.export.body_state import BodyState
 from gpusim.gpu import Device
-from gpusim.motion import Stepped
+from gpusim.motion import Motion, Stepped
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.light.lights import Light
 from gpusim.optics.sensor.channels import Weights
@@ -23,7 +23,7 @@ from gpusim.pipeline.scene_objects.solution import SceneSolution
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import LoadGroup, load_groups
 from gpusim.scene.analyses import kind_of
-from gpusim.scene.frames import frame_word
+from gpusim.scene.frames import frame_text
 from gpusim.surface.color import Color, color
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
@@ -131,15 +131,14 @@ class Content:
     @property
     def unloaded(self) -> bool:
         """Whether bodies are shown at rest because their solution isn't there yet."""
-        return self.is_solvable and self.solution is None
+        return self.is_solvable and not (self.objects and self.objects.motions)
 
     def frame_text(self, frame: int) -> str:
         """What a slider says of a frame."""
         if self.objects is None or self.frames == 1:
             return ""
-        value = self.scene.analysis.load_factors[frame]
-        word = frame_word(self.scene).replace("_", " ")
-        return f"frame {frame} ({frame + 1} of {self.frames}): {word} {value:g}"
+        text = frame_text(self.scene, frame)
+        return f"frame {frame} ({frame + 1} of {self.frames}): {text}"
 
     def solve(
         self, solution: SceneSolution, stresses: Stresses | None, steps: Sequence[Stepped | None]
@@ -154,10 +153,16 @@ class Content:
         assert self.objects is not None
         nodes = [parts.mesh.node_count for parts in self.objects.bodies]
         solution.check([len(self.load_groups(body)) for body in range(len(nodes))], nodes)
-        self.solution, self.stresses = solution, stresses
-        self.objects.motions = [
-            solution.superposed(body) if own is None else own for body, own in enumerate(steps)
-        ]
+        self.solution = solution
+        self.move(
+            [solution.superposed(body) if own is None else own for body, own in enumerate(steps)],
+            stresses,
+        )
+
+    def move(self, motions: Sequence[Motion | None], stresses: Stresses | None) -> None:
+        """Let bodies move, one motion for each, with their stresses if these are known."""
+        assert self.objects is not None
+        self.objects.motions, self.stresses = motions, stresses
         self._shown.clear()
 
     def displacement(self, body: int, frame: int) -> Float:
@@ -281,7 +286,8 @@ class Content:
         if objects is None or self.is_given:
             return None
         if body not in self._models:
-            self._models[body] = build_model(objects.bodies[body], self.load_groups(body)).model
+            groups, free = self.load_groups(body), self.scene.analysis.vibrates
+            self._models[body] = build_model(objects.bodies[body], groups, free).model
         return self._models[body]
 
     def load_groups(self, body: int) -> tuple[LoadGroup, ...]:
@@ -297,6 +303,8 @@ class Content:
         if model is None or state is None:
             return np.zeros((self.objects.bodies[body].mesh.node_count, 3))
         weights = np.array(state[: len(model.load_cases)])
+        if not self.scene.analysis.scales_loads:  # they are shown as they are given
+            weights = np.ones(len(model.load_cases))
         return np.asarray(np.tensordot(weights, model.load_cases, axes=1))
 
     def take_over(self, earlier: Content | None) -> bool:
@@ -306,10 +314,9 @@ class Content:
             return False
         if earlier._mechanics() != self._mechanics():
             return False
-        if earlier.solution is not None and self.solution is None:
-            motions = earlier.objects.motions
-            steps = [one if isinstance(one, Stepped) else None for one in motions]
-            self.solve(earlier.solution, earlier.stresses, steps)
+        if self.unloaded and not earlier.unloaded:
+            self.solution = earlier.solution
+            self.move(earlier.objects.motions, earlier.stresses)
         return True
 
     def _mechanics(self) -> tuple[Any, ...]:

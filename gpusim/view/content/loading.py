@@ -13,7 +13,7 @@ from gpusim.mesh import boundary_faces, read_mesh, read_surface
 from gpusim.mesh.formats.cad import CAD_SUFFIXES
 from gpusim.mesh.formats.cad_cache import cached_cad_mesh
 from gpusim.mesh.formats.reader import MESH_SUFFIXES
-from gpusim.motion import Given, Stepped
+from gpusim.motion import Given, Motion, Stepped
 from gpusim.pipeline.checks.resources import check_memory
 from gpusim.pipeline.scene_objects.cameras import build_camera
 from gpusim.pipeline.scene_objects.lights import build_lights
@@ -21,6 +21,7 @@ from gpusim.pipeline.scene_objects.load_steps import STEPS, stepped_motion
 from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.pipeline.scene_objects.solution import SceneSolution
 from gpusim.pipeline.scene_objects.surfaces import build_body, build_prop
+from gpusim.pipeline.scene_objects.vibrations import VIBRATION, Stored, stored_vibration
 from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene, load_scene
 from gpusim.scene.cost import Counts
@@ -135,7 +136,8 @@ def _run(folder: Path) -> Content:
     content.files += tuple(
         file
         for file in (
-            solution / "displacement.npz", folder / STEPS, solution / "stress.npz", *measured
+            solution / "displacement.npz", folder / STEPS, folder / VIBRATION,
+            solution / "stress.npz", *measured,
         )
         if file.is_file()
     )  # fmt: skip
@@ -164,8 +166,24 @@ def _load_steps(content: Content, path: Path) -> list[Stepped | None]:
     return steps
 
 
+def _vibrations(content: Content, stored: Stored) -> list[Motion | None]:
+    """Of each body. Raises ValueError for other bodies."""
+    assert content.objects is not None
+    bodies, last = content.objects.bodies, content.objects.frames[-1].states
+    motions: list[Motion | None] = []
+    for number, (parts, state) in enumerate(zip(bodies, last, strict=True)):
+        motion = stored_vibration(stored, number, parts.body.name, content.scene.analysis)
+        if motion is not None and state is not None:
+            shape = motion.displacement(state).shape
+            if shape != parts.mesh.points.shape:
+                raise ValueError(f"displacements of shape {shape}")
+        motions.append(motion)
+    return motions
+
+
 def load_solution(content: Content, folder: Path) -> None:
-    """Take over displacement.npz, steps.npz and stress.npz of a folder, if there are any.
+    """Take over displacement.npz, steps.npz, vibration.npz and stress.npz of a folder, if there are
+    any.
 
     Raises
     ------
@@ -174,13 +192,17 @@ def load_solution(content: Content, folder: Path) -> None:
     """
     from gpusim.pipeline.stages.mechanics import Stresses
 
-    path, stress = folder / "displacement.npz", folder / "stress.npz"
-    if not path.is_file():
+    stress, files = folder / "stress.npz", ("displacement.npz", Path(VIBRATION).name)
+    path = next((folder / name for name in files if (folder / name).is_file()), None)
+    if path is None:
         return
     try:
-        with np.load(read_input(path).stream(), allow_pickle=False) as stored:
-            solution = SceneSolution.from_arrays(stored)
         stresses = Stresses(read_input(stress).stream()) if stress.is_file() else None
+        with np.load(read_input(path).stream(), allow_pickle=False) as stored:
+            if path.name in VIBRATION:
+                content.move(_vibrations(content, stored), stresses)
+                return
+            solution = SceneSolution.from_arrays(stored)
         content.solve(solution, stresses, _load_steps(content, folder / Path(STEPS).name))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(

@@ -85,6 +85,22 @@ def test_vectors_are_in_the_models_own_numbers(monkeypatch: pytest.MonkeyPatch) 
     assert abs(np.vdot(x, equation.inertia(x)) * equation.scale - whole) <= 1e-12 * whole
 
 
+@pytest.mark.parametrize("tied", [False, True])
+def test_matrices_have_the_products(tied: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(node_graph, "_FEW", 100)
+    mesh = brick() if tied else shuffled()
+    tie = gs.fem.equations(mesh, [([(4, "x", 1.0), (14, "x", -0.5)], 0.0)])
+    equation = equation_of(clamped(mesh, constraints=[tie] if tied else []))
+    x = np.where(
+        equation.unknown, np.random.default_rng(0).normal(size=(1, equation.unknown.size)), 0.0
+    )
+    products = (equation.stiffness, equation.inertia)
+    for product, matrix in zip(products, equation.matrices, strict=True):
+        expected = product(x)[0][equation.unknown]
+        found = matrix @ x[0][equation.unknown]
+        assert np.abs(found - expected).max() <= 1e-12 * np.abs(expected).max()
+
+
 def test_a_tie_moves_what_it_ties() -> None:
     mesh = brick()
     tie = gs.fem.equations(mesh, [([(4, "x", 1.0), (14, "x", -0.5)], 0.0)])

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 import pytest
+from scipy.special import j0
 
 import gpusim as gs
 from gpusim.errors import InputError
@@ -38,6 +39,21 @@ def test_motion_blur_transfer(device: Device, way: float) -> None:
     want = pixel_transfer(FREQUENCY) * np.abs(np.sinc(way * np.cos(ANGLE) * FREQUENCY))
     assert np.abs(transfer(frame.radiance, FREQUENCY) - want).max() <= 0.02
     assert f"{way:.3g} px" in frame.facts["motion"]
+
+
+@pytest.mark.parametrize("periods", [1, 4, 28])
+def test_a_vibration_blurs_though_it_comes_back(device: Device, periods: int) -> None:
+    """Whole periods across the edge: Bessel's J0 of the amplitude, however often they are looked
+    at when nothing seems to have moved."""
+    exposure, amplitude = 0.01, 1.1
+
+    def at(time: float) -> list[gs.Surface]:
+        return [half_plane(shift=amplitude * np.sin(2.0 * np.pi * periods * time / exposure))]
+
+    frame = gs.photograph(at, camera(), shutter=gs.Shutter(exposure), device=device)
+    blur = np.abs(j0(2.0 * np.pi * amplitude * np.cos(ANGLE) * FREQUENCY))
+    want = pixel_transfer(FREQUENCY) * blur
+    assert np.abs(transfer(frame.radiance, FREQUENCY) - want).max() <= 0.02
 
 
 def test_a_moving_camera_blurs_as_moving_surfaces_do(device: Device) -> None:

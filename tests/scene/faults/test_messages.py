@@ -62,9 +62,11 @@ def told(scene: Scene, path: str, value: Any) -> str:
         ("camera.0.name", ..., "camera.0.name: missing; expected a name of letters, digits"),
         ("schema", ..., "schema: missing; expected 1 (version of the scene format)"),
         ("body.0.paint", ..., "body.crane.paint: missing; expected one table or more (a face"),
-        ("analysis.type", "modal", 'analysis.type: no such analysis yet; got "modal"; expected '
-         '"static" (equilibrium), or "field" (displacements that are given); what another program '
-         "has solved goes into [body.field] file, or `gpusim render --field FILE`"),
+        ("analysis.type", "dynamic", 'analysis.type: unknown value; got "dynamic"; expected '
+         '"static" (equilibrium), or "field" (displacements that are given), or "modal" (natural '
+         'frequencies and mode shapes), or "transient" (motion in time), or "harmonic" (steady '
+         'vibration under loads that swing), or "buckling" (critical load factors); what another '
+         "program has solved goes into [body.field] file, or `gpusim render --field FILE`"),
         ("analysis.geometry", "nonlinaer", 'analysis.geometry: unknown value; got "nonlinaer"; '
          'expected one of "auto", "linear", "nonlinear" (did you mean nonlinear?)'),
         ("load", [{"name": "pull"}], "load: unknown key (did you mean body.load?)"),

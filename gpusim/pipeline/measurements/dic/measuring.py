@@ -92,7 +92,7 @@ def measured_at(
 ) -> FullFieldResult:
     """The same at the points of a ``field``."""
     _check_points(spec, field.points)
-    frames = spec.measured(len(scene.analysis.load_factors))
+    frames = spec.measured(len(scene.analysis.frame_values))
     kind = OneCamera if spec.cameras is None else CameraPair
     return kind(f"measure {spec.name!r}", spec, scene, sources, field, frames).result()
 

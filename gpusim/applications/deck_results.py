@@ -1,0 +1,146 @@
+"""What files and reports tell of modes, buckling and motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from functools import singledispatch
+from typing import Any
+
+import numpy as np
+
+from gpusim.arrays.array_types import Float
+from gpusim.deck import Deck
+from gpusim.fem import Buckling, HarmonicResponse, History, Modes
+from gpusim.fem.model.history import Superposition
+
+Fields = dict[str, Any]
+
+
+@singledispatch
+def arrays(result: Any) -> Fields:
+    """What is kept of a result, by name; nothing of static solutions, which are kept together."""
+    return {}
+
+
+@arrays.register
+def _(result: Modes) -> Fields:
+    names = ("frequencies", "shapes", "participation", "effective_mass", "error_estimate")
+    return {name: getattr(result, name) for name in names}
+
+
+@arrays.register
+def _(result: Buckling) -> Fields:
+    return {name: getattr(result, name) for name in ("factors", "shapes", "error_estimate")}
+
+
+@arrays.register
+def _(result: History) -> Fields:
+    if isinstance(result.u, Superposition):
+        return {"times": result.times} | _factors(result.u.amplitudes, result.u.shapes)
+    return {name: np.asarray(getattr(result, name)) for name in ("times", "u", "v", "a")}
+
+
+@arrays.register
+def _(result: HarmonicResponse) -> Fields:
+    return {"frequencies": result.frequencies} | _factors(result.coordinates, result.shapes)
+
+
+def _factors(amplitudes: Any, shapes: Any) -> Fields:
+    """Of displacements that are a product."""
+    return {"amplitudes": amplitudes, "shapes": shapes}
+
+
+@singledispatch
+def nodal_fields(result: Any) -> Fields:
+    """What a picture of a result shows at nodes: shapes, the last state, or the greatest response
+    and a quarter of a period later."""
+    return {f"shape_{number:04d}": shape for number, shape in enumerate(result.shapes, 1)}
+
+
+@nodal_fields.register
+def _(result: History) -> Fields:
+    return {name: np.asarray(getattr(result, name)[-1]) for name in "uva"}
+
+
+@nodal_fields.register
+def _(result: HarmonicResponse) -> Fields:
+    k, *_ = _greatest(_responses(result))
+    return {"u": result.at(k), "u_quarter": result.at(k, np.pi / 2)}
+
+
+@singledispatch
+def summary(result: Any, deck: Deck) -> Fields:
+    """What a report says of a result."""
+    raise NotImplementedError(type(result).__name__)
+
+
+@summary.register
+def _(result: Modes, deck: Deck) -> Fields:
+    return _found(result) | {
+        "kind": "modes",
+        "frequencies": result.frequencies.tolist(),
+        "effective_mass": result.effective_mass.tolist(),
+        "total_mass": result.total_mass.tolist(),
+    }
+
+
+@summary.register
+def _(result: Buckling, deck: Deck) -> Fields:
+    return _found(result) | {"kind": "buckling", "factors": result.factors.tolist()}
+
+
+@summary.register
+def _(result: History, deck: Deck) -> Fields:
+    k, node, size = _greatest(result.u[k] for k in range(len(result.times)))
+    return {
+        "kind": "history",
+        "instants": len(result.times),
+        "largest_displacement": size,
+        "largest_displacement_node": int(deck.node_labels[node]),
+        "at_time": float(result.times[k]),
+        "method": result.method,
+        "message": result.message,
+        "converged": True,
+    }
+
+
+@summary.register
+def _(result: HarmonicResponse, deck: Deck) -> Fields:
+    k, node, size = _greatest(_responses(result))
+    return {
+        "kind": "harmonic response",
+        "frequencies": result.frequencies.tolist(),
+        "largest_displacement": size,
+        "largest_displacement_node": int(deck.node_labels[node]),
+        "at_frequency": float(result.frequencies[k]),
+        "message": "",
+        "converged": True,
+    }
+
+
+def _found(result: Modes | Buckling) -> Fields:
+    """Of an eigenvalue problem."""
+    return {
+        "error_estimate": float(result.error_estimate.max(initial=0.0)),
+        "converged": result.converged,
+        "message": result.message,
+        "unknowns": result.unknowns,
+        "method": result.method,
+    }
+
+
+def _responses(result: HarmonicResponse) -> Iterator[Float]:
+    """(N,3) amplitudes at each frequency."""
+    for coordinates in result.coordinates:
+        yield np.abs(np.tensordot(coordinates, result.shapes, axes=1))
+
+
+def _greatest(displacements: Iterable[Float]) -> tuple[int, int, float]:
+    """Which of displacements (N,3) has the greatest one, of which node, and how great it is."""
+    places = []
+    for k, u in enumerate(displacements):
+        size = np.linalg.norm(u, axis=1)
+        node = int(size.argmax())
+        places.append((float(size[node]), -k, node))
+    size, k, node = max(places)
+    return -k, node, size

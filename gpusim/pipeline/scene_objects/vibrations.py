@@ -1,0 +1,57 @@
+"""Modes, steady vibrations and motions in time of a scene's bodies, as they are stored."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.motion import Course, Oscillation, Transient
+from gpusim.scene.description.model import AnalysisTable
+from gpusim.validation import require
+
+VIBRATION = "solution/vibration.npz"
+Stored = Mapping[str, npt.NDArray[Any]]
+_COURSE = ("times", "values", "rates", "accelerations")
+
+
+def oscillation_arrays(motion: Oscillation, body: int) -> dict[str, npt.NDArray[Any]]:
+    """What ``np.savez`` keeps of modes, or of steady vibrations, of a ``body`` (its number)."""
+    return {
+        f"amplitudes{body}": motion.amplitudes,
+        f"frequencies{body}": motion.frequencies,
+        f"rest{body}": motion.rest,
+    }
+
+
+def transient_arrays(motion: Transient, body: int) -> dict[str, npt.NDArray[Any]]:
+    """The same of a motion in time."""
+    known = {name: getattr(motion.course, name) for name in _COURSE} | {"shapes": motion.shapes}
+    return {f"{name}{body}": values for name, values in known.items() if values is not None}
+
+
+def stored_vibration(
+    stored: Stored, body: int, name: str, analysis: AnalysisTable
+) -> Oscillation | Transient | None:
+    """The motion of a body of that ``name``, as an ``analysis`` shows it; None if it has none.
+
+    Raises InputError where there is no such mode, KeyError or ValueError for damage.
+    """
+    for key, values in stored.items():
+        if not np.isfinite(values).all():
+            raise ValueError(f"{key}: values that aren't finite")
+    if f"times{body}" in stored:
+        known = {key: stored.get(f"{key}{body}") for key in _COURSE}
+        return Transient(Course(**known), stored.get(f"shapes{body}"))  # type: ignore[arg-type]
+    if f"amplitudes{body}" not in stored:
+        return None
+    amplitudes, shown = stored[f"amplitudes{body}"], analysis.shown_modes
+    what, most = f"analysis.modes: body {name!r}", len(amplitudes)
+    require(max(shown) <= most, what, max(shown), f"at most {most}, as many as were found")
+    chosen = np.array(shown) - 1
+    frequencies = stored[f"frequencies{body}"][chosen]
+    # modes have a greatest displacement of 1, vibrations their own
+    scale = 1.0 if analysis.frequencies_Hz else (analysis.amplitude or 1e-3)
+    return Oscillation(shown, scale * amplitudes[chosen], frequencies, stored[f"rest{body}"])

@@ -1,0 +1,134 @@
+"""Motions of bodies in time: at the instants that cameras look at, and as curves of a report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from gpusim import fem
+from gpusim.arrays.array_types import Float
+from gpusim.fem.model.history import ENERGIES
+from gpusim.fem.procedures.modal_superposition import ModalMotion
+from gpusim.graph.runner import Inputs
+from gpusim.graph.session import Session
+from gpusim.graph.stage import StageResult
+from gpusim.motion import Course, Transient
+from gpusim.pipeline.scene_objects.vibrations import transient_arrays
+from gpusim.pipeline.stages.mechanics import solve_bodies
+from gpusim.pipeline.stages.vibrations import Vibrations, damping_of, linear_model, place_of
+from gpusim.report import Chart
+from gpusim.scene import Scene
+
+FINE = 1e-7
+"""Of the greatest displacement: what a motion may be off by between its instants."""
+MOST_HALVINGS = 12
+CURVE = 1001
+"""Instants of a curve in the report."""
+LOOKS = 100
+"""Instants at which the node is looked for that moves most."""
+
+
+def transient(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
+    """The motion of each body at the instants of frames, and around them."""
+    frames, around, histories, damping, options = inputs.row
+    table, found = scene.analysis.base_motion, Vibrations()
+    ground = None if table is None else _ground(scene, table.path, table.direction)
+    for number, body in enumerate(scene.bodies):
+        if histories[number] is None:
+            continue
+        model, (times, amplitudes, start) = linear_model(inputs, body), histories[number]
+        initial = None
+        if start:
+            (solution,) = solve_bodies(scene.solver, [body], [model], session.options,
+                                       inputs.progress)  # fmt: skip
+            u = np.tensordot(start, solution.u.reshape(len(start), -1, 3), axes=1)
+            initial = u, np.zeros_like(u)
+        modal, end = options["method"] == "modal", times[-1]
+        instants = _instants(np.array(frames), around, end, around if modal else options["step"])
+        # those of modes cost next to nothing
+        curve = np.union1d(instants, np.linspace(0.0, end, CURVE)) if modal else instants
+        loads = fem.Record(np.array(times), np.array(amplitudes).T)
+        history = fem.transient(
+            model, times=curve, loads=loads, damping=damping_of(damping), initial=initial,
+            base=ground, formulation=body.formulation, **options,
+        )  # fmt: skip
+        found.take(body, history, f"{history.message}; energy to {history.energy.drift:.1e}")
+        if history.modal is None:
+            motion = Transient(Course(instants, np.asarray(history.u), np.asarray(history.v)))
+        else:
+            motion = _superposed(history.modal, instants, around)
+        motion = motion if ground is None else _on_ground(motion, ground)
+        found.arrays |= transient_arrays(motion, number)
+        found.charts += _charts(body.name, history)
+    return found.result(session, "; ".join(dict.fromkeys(found.facts.values())))
+
+
+def _ground(scene: Scene, path: str, direction: Sequence[float]) -> fem.Record:
+    """Accelerations (R, 3) m/s2."""
+    record = fem.read_record(scene.input(path).path)
+    along = np.array(direction) / np.linalg.norm(direction)
+    return fem.Record(record.times, record.values[:, :1] * along)
+
+
+def _on_ground(motion: Transient, ground: fem.Record) -> Transient:
+    """A motion relative to the ground, which rests until it is accelerated, as a camera that stands
+    still sees it."""
+    from scipy.interpolate import make_interp_spline
+
+    acceleration, course = make_interp_spline(ground.times, ground.values, k=1), motion.course
+    x, v, a = (acceleration.antiderivative(order)(course.times) for order in (2, 1, 0))
+    if motion.shapes is None:
+        return Transient(
+            Course(course.times, course.values + x[:, None], course.rates + v[:, None])
+        )
+    along = np.zeros((3, *motion.shapes.shape[1:]))
+    along[[0, 1, 2], :, [0, 1, 2]] = 1.0
+    assert course.accelerations is not None  # of shapes they are known
+    known = ((course.values, x), (course.rates, v), (course.accelerations, a))
+    moved = Course(course.times, *(np.hstack(pair) for pair in known))
+    return Transient(moved, np.concatenate([motion.shapes, along]))
+
+
+def _instants(frames: Float, around: float, end: float, spacing: float) -> Float:
+    """Frames, and what is at most ``around`` s before and after them, so far apart; from 0 to an
+    ``end``."""
+    count = 2 * int(np.ceil(around / spacing)) + 1 if around else 1
+    times = frames[:, None] + around * np.linspace(-1.0, 1.0, count)
+    return np.unique(np.clip(np.append(times, [0.0, end]), 0.0, end))
+
+
+def _superposed(modal: ModalMotion, instants: Float, around: float) -> Transient:
+    """Modes at so many instants that what is between those near frames is known as well."""
+    from scipy.interpolate import BPoly
+
+    size = np.linalg.norm(modal.shapes, axis=2).max(axis=1)
+    for _ in range(MOST_HALVINGS):
+        known = modal.coordinates(instants)[:3]
+        near = np.diff(instants) <= around * (1.0 + 1e-9)
+        middle = (0.5 * (instants[:-1] + instants[1:]))[near]
+        if not len(middle):
+            break
+        between = BPoly.from_derivatives(instants, np.stack(known, axis=1))(middle)
+        off = np.abs(between - modal.coordinates(middle)[0]) @ size
+        if off.max() <= FINE * (np.abs(known[0]) @ size).max():
+            break
+        instants = np.union1d(instants, middle)
+    return Transient(Course(instants, *modal.coordinates(instants)[:3]), modal.shapes)
+
+
+def _charts(name: str, history: fem.History) -> list[Chart]:
+    """How the node moves that moves most, and where the energy is."""
+    times: Any = history.times.tolist()
+    looked = np.unique(np.linspace(0, len(times) - 1, LOOKS).astype(int))
+    node = int(np.max([np.linalg.norm(history.u[k], axis=1) for k in looked], axis=0).argmax())
+    moved = 1e3 * np.asarray(history.u[:, node])
+    motion = {axis: moved[:, k].tolist() for k, axis in enumerate("xyz")}
+    energy = {key.replace("_", " "): getattr(history.energy, key).tolist() for key in ENERGIES}
+    place, about = place_of(history.model, node), "Of the motion relative to the ground."
+    return [
+        Chart(f"Motion, {name}", f"Of {place}, which moves most.", "Time (s)",
+              "Displacement (mm)", times, motion),
+        Chart(f"Energy, {name}", about, "Time (s)", "Energy (J)", times, energy),
+    ]  # fmt: skip

@@ -1,0 +1,163 @@
+"""Scenes of modes, steady vibrations and buckling, against the solver that finds them."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gpusim as gs
+from gpusim.errors import InputError
+from gpusim.pipeline.runner.scene_contents import scene_contents
+from gpusim.pipeline.scene_objects.modelling import build_model
+from gpusim.pipeline.scene_objects.surfaces import build_body
+from gpusim.plan.plan import make_plan
+from gpusim.scene import Scene
+from gpusim.scene.amplitudes import load_groups
+from gpusim.view.content.loading import load_content
+from tests.support.small_scene import DOCUMENT, small_scene
+
+BODY = DOCUMENT["body"][0]
+MODAL = {"type": "modal", "count": 4, "modes": [1, 3], "phases": 4, "amplitude_mm": 3.0}
+PUSHED = {**BODY, "load": [{**BODY["load"][0], "force_N": [-100.0, 0.0, 0.0]}]}
+
+
+def scene_of(analysis: dict[str, Any], body: dict[str, Any] = BODY, **changes: Any) -> Scene:
+    own = {"measure": [], "output": {"fields": False}}
+    return small_scene(analysis=analysis, body=[body], **{**own, **changes})
+
+
+def model_of(scene: Scene) -> gs.Model:
+    parts = build_body(scene.bodies[0], scene.input)
+    return build_model(parts, load_groups(parts.body, (1.0,)), may_be_free=True).model
+
+
+@pytest.fixture(scope="module")
+def modal() -> Scene:
+    return scene_of(MODAL, {**BODY, "load": []})
+
+
+def test_frames_show_modes_in_their_phases(modal: Scene) -> None:
+    bar = modal.solution()["bar"]
+    found = gs.modes(model_of(modal), 4)
+    assert bar.frames == 1 + 2 * 4 and not bar.displacement(0).any()
+    for frame, mode in ((1, 0), (5, 2)):
+        shape = found.shapes[mode]
+        u = 3e-3 * shape / np.linalg.norm(shape, axis=1).max()
+        assert np.abs(bar.displacement(frame) - u).max() <= 1e-12
+        assert not bar.displacement(frame + 1).any()
+        assert np.abs(bar.displacement(frame + 2) + u).max() <= 1e-12
+    assert bar.reactions(1).shape == (0, 3)
+
+
+def test_a_camera_sees_what_happens_while_its_shutter_is_open(modal: Scene) -> None:
+    """At any instant the mode's own motion, not a straight line from frame to frame."""
+    objects = scene_contents(modal)
+    motion, state = objects.vibrations(5)[0]
+    in_time = objects.around((5,), 5, 0.0)
+    assert in_time is not None
+    rest = objects.surfaces(5)[0].points
+    rate = gs.modes(model_of(modal), 4).frequencies[2]
+    for time in (0.0, 0.25 / rate, 1.7 / rate):
+        (surface,) = in_time(time)
+        u = motion.displacement(state) * np.cos(2.0 * np.pi * rate * time)
+        moved = objects.bodies[0].skin.moved(objects.bodies[0].surface, u)
+        assert np.abs(surface.points - moved.points).max() <= 1e-9
+    assert np.abs(in_time(0.5 / rate)[0].points - rest).max() > 5e-3
+    assert objects.around((0,), 0, 0.0) is None
+
+
+def test_loads_stiffen_or_weaken() -> None:
+    """Frame 0 has the body loaded, and the others vibrate about that."""
+    scene = scene_of({"type": "modal", "count": 1, "phases": 2, "prestress": True}, PUSHED)
+    model = model_of(scene)
+    solved = gs.solve(model)
+    found = gs.modes(model, 1, prestress=solved)
+    assert found.frequencies[0] < 0.995 * gs.modes(model, 1).frequencies[0]
+    bar = scene.solution()["bar"]
+    assert np.abs(bar.displacement(0) - solved.u).max() <= 1e-12
+    swing = bar.displacement(1) - bar.displacement(0)
+    shape = 1e-3 * found.shapes[0] / np.linalg.norm(found.shapes[0], axis=1).max()
+    assert np.abs(swing - shape).max() <= 1e-9
+
+
+def test_a_free_body_shows_its_elastic_modes() -> None:
+    scene = scene_of(
+        {"type": "modal", "count": 2, "phases": 1}, {**BODY, "load": [], "support": []}
+    )
+    found = gs.modes(model_of(scene), 8)
+    u = scene.solution()["bar"].displacement(1)
+    shape = found.shapes[6] / np.linalg.norm(found.shapes[6], axis=1).max()
+    assert found.rigid and found.frequencies[6] > 0.0
+    assert np.abs(u - 1e-3 * shape).max() <= 1e-9
+
+
+def test_modes_that_a_band_has_not() -> None:
+    scene = scene_of({"type": "modal", "band_Hz": [100.0, 300.0], "modes": [3]},
+                     {**BODY, "load": []})  # fmt: skip
+    with pytest.raises(InputError, match=r"analysis.modes: body 'bar'; got 3; expected at most 2"):
+        scene.solution()
+
+
+def test_a_steady_vibration_lags_behind_its_load() -> None:
+    given = {"type": "harmonic", "frequencies_Hz": [100.0, 143.0], "phases": 4,
+             "damping": {"ratio": 0.02}}  # fmt: skip
+    scene = scene_of(given)
+    bar = scene.solution()["bar"]
+    found = gs.harmonic(model_of(scene), [100.0, 143.0], damping=gs.ModalDamping(0.02))
+    assert bar.frames == 9 and not bar.displacement(0).any()
+    for frame, number, phase in ((1, 0, 0.0), (2, 0, 0.5), (7, 1, 1.0)):
+        u = found.at(number, np.pi * phase)
+        assert np.abs(bar.displacement(frame) - u).max() <= 1e-9 * np.abs(found.u).max()
+
+
+def test_a_column_buckles() -> None:
+    scene = scene_of({"type": "buckling", "count": 2, "amplitude_mm": 5.0}, PUSHED)
+    found = gs.buckling(model_of(scene), 2)
+    u = scene.solution()["bar"].displacement(2)
+    shape = found.shapes[1] / np.linalg.norm(found.shapes[1], axis=1).max()
+    assert np.abs(u - 5e-3 * shape).max() <= 1e-9 and make_plan(scene)
+
+
+@cache
+def _stages(scene_text: str) -> str:
+    (solve,) = (one for one in make_plan(gs.load_scene(scene_text)).stages if one.name == "solve")
+    return solve.detail
+
+
+def test_a_plan_says_what_is_superposed(modal: Scene, tmp_path: Path) -> None:
+    path = tmp_path / "modal.toml"
+    path.write_text(modal.to_toml())
+    assert "4 modes; 9 frames are superposed from them" in _stages(str(path))
+    changed = modal.replace("analysis.phases", 16), modal.replace("analysis.amplitude_mm", 1.0)
+    keys = [_solve_key(one) for one in (modal, *changed)]
+    assert len(set(keys)) == 1, "modes are solved again for other phases"
+    assert _solve_key(modal.replace("analysis.mass", "lumped")) != keys[0]
+
+
+def _solve_key(scene: Scene) -> str:
+    return next(one.key for one in make_plan(scene).stages if one.name == "solve")
+
+
+def test_report_and_window(modal: Scene, tmp_path: Path) -> None:
+    report = gs.run(modal.replace("output.fields", True), tmp_path / "out", backend="numpy")
+    assert report.status == "done" and [one["mode"] for one in report.modes] == [1, 2, 3, 4]
+    first = report.modes[0]
+    assert 140.0 < first["frequency_Hz"] < 147.0 and first["error"] <= 1e-8
+    assert 60.0 < first["mass_z_percent"] < 65.0 and first["mass_x_percent"] == 0.0
+    (table,) = report.tables
+    assert table.columns[:3] == ("Body", "Mode", "Frequency Hz")
+    assert table.rows[0][:2] == ("bar", "1")
+    assert report.highlights["Lowest frequency, bar"][1] == "mode 1"
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "mode 3, phase 270 deg" in page
+    content = load_content(tmp_path / "out")
+    assert content.frames == 9 and not content.unloaded
+    assert content.frame_text(2) == "frame 2 (3 of 9): mode 1, phase 90 deg"
+    assert np.isclose(np.linalg.norm(content.displacement(0, 1), axis=1).max(), 3e-3)
+    again = load_content(tmp_path / "out")
+    again.move((), None)
+    assert again.unloaded and again.take_over(content) and not again.unloaded

@@ -1,0 +1,109 @@
+"""Scenes that can't vibrate or buckle as they are told to: one clear fault, with a way out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from gpusim.errors import SceneError
+from tests.support.small_scene import DOCUMENT, small_scene
+
+MODAL: dict[str, Any] = {"type": "modal"}
+TRANSIENT = {"type": "transient", "duration_s": 0.01, "frame_rate_Hz": 1000.0}
+HARMONIC = {"type": "harmonic", "frequencies_Hz": [100.0]}
+BUCKLING = {"type": "buckling"}
+BODY = DOCUMENT["body"][0]
+PUSH = BODY["load"][0]
+
+
+def body(**changes: Any) -> list[dict[str, Any]]:
+    return [{**BODY, **changes}]
+
+
+def told(**changes: Any) -> str:
+    with pytest.raises(SceneError) as caught:
+        small_scene(**changes)
+    message = str(caught.value)
+    assert "1 fault\n" in message, message
+    return message
+
+
+@pytest.mark.parametrize(
+    ("analysis", "load", "line"),
+    [
+        (MODAL, [PUSH], "body.bar.load: modes without prestress don't feel loads; got 1 load; "
+         "expected analysis.prestress = true, or no load"),
+        ({**MODAL, "prestress": True}, [], "analysis.prestress: nothing acts on bodies; got no "
+         "load; expected a [[body.load]]"),
+        (BUCKLING, [], "analysis.type: nothing acts on bodies; got no load"),
+        (HARMONIC, [], "analysis.type: nothing acts on bodies"),
+        (TRANSIENT, [], "analysis.type: nothing acts on bodies"),
+        ({**TRANSIENT, "release": ["pusch"]}, [PUSH], "analysis.release.0: no such load; got "
+         '"pusch"; expected one of push'),
+        (HARMONIC, [{**PUSH, "amplitude": [1.0]}], "body.bar.load.push.amplitude: in an analysis "
+         "of type \"harmonic\", whose loads don't vary with frames"),
+        ({"type": "static"}, [{**PUSH, "amplitude": [0.0, 1.0], "times_s": [0.0, 1.0]}],
+         'load.push.times_s: in an analysis of type "static"; got [0.0, 1.0]; expected none'),
+        (TRANSIENT, [{**PUSH, "amplitude": [0.0, 1.0]}], "load.push.amplitude: not one factor per "
+         "frame; got 2 factors; expected 11, as many as frames in [analysis]"),
+        (TRANSIENT, [{**PUSH, "amplitude": [0.0, 1.0], "times_s": [0.0]}],
+         "times_s: not one per factor of amplitude; got 1 times; expected 2"),
+        (TRANSIENT, [{**PUSH, "amplitude": [0.0, 1.0], "times_s": [1.0, 0.0]}],
+         "times_s: not in their order; got [1.0, 0.0]; expected times that increase"),
+        (TRANSIENT, [{"name": "heat", "type": "thermal", "temperature_change_K": 5.0}],
+         'load.heat: not known in an analysis of type "transient"; got "thermal"'),
+    ],
+)  # fmt: skip
+def test_loads(analysis: dict[str, Any], load: list[Any], line: str) -> None:
+    expanding = [{**DOCUMENT["material"][0], "expansion_per_K": 2e-5}]
+    assert line in told(analysis=analysis, body=body(load=load), material=expanding)
+
+
+@pytest.mark.parametrize("analysis", [MODAL, TRANSIENT, HARMONIC])
+def test_a_material_without_density(analysis: dict[str, Any]) -> None:
+    light = [{**DOCUMENT["material"][0], "density_kg_m3": 0.0}]
+    load = [] if analysis is MODAL else [PUSH]
+    line = ("body.bar.material: vibrates on a material without density; got \"steel\"; expected "
+            "density_kg_m3 > 0")  # fmt: skip
+    assert line in told(analysis=analysis, body=body(load=load), material=light)
+
+
+def test_supports_of_what_is_followed_in_time() -> None:
+    moved = [{**BODY["support"][0], "displacement_mm": [0.0, 0.0, 1.0]}]
+    assert ('support.clamp.displacement_mm: in an analysis of type "transient"; got [0.0, 0.0, 1.0]'
+            in told(analysis=TRANSIENT, body=body(support=moved)))  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("analysis", "line"),
+    [
+        ({"type": "transient", "duration_s": 1.0}, "analysis.frame_rate_Hz: missing; got no "
+         "frame_rate_Hz; expected frames per second"),
+        ({**MODAL, "load_factors": [0.0, 2.0]}, 'analysis.load_factors: of an analysis of type '
+         '"modal"; got [0.0, 2.0]; expected type "static", or one of count, band_Hz'),
+        ({**MODAL, "band_Hz": [10.0, 5.0], "modes": [1]}, "analysis.band_Hz: no band"),
+        ({**MODAL, "band_Hz": [10.0, 50.0]}, "analysis.modes: missing beside band_Hz"),
+        ({**MODAL, "count": 3, "modes": [4]}, "analysis.modes: more than count; got 4; expected at "
+         "most 3"),
+        ({**MODAL, "damping": {"ratio": 0.1}}, 'analysis.damping: of an analysis of type "modal"'),
+        ({**TRANSIENT, "damping": {}}, "analysis.damping: not one kind of damping; got no kind"),
+        ({**TRANSIENT, "damping": {"ratio": 0.1, "loss_factor": 0.1}}, "not one kind of damping; "
+         "got ratio and loss"),
+        ({**TRANSIENT, "damping": {"loss_factor": 0.1}}, "analysis.damping.loss_factor: of an "
+         'analysis of type "transient"'),
+        ({**TRANSIENT, "step_s": 1e-5}, 'analysis.step_s: of method "modal"; got 1e-05; expected a '
+         'method that steps, as "newmark"'),
+        ({**TRANSIENT, "method": "hht", "count": 5}, 'analysis.count: of method "hht"'),
+        ({**TRANSIENT, "duration_s": 1e6}, "analysis.duration_s: too many frames; got 1e+09 "
+         "frames; expected at most 10000"),
+        ({**MODAL, "phases": 2000}, "analysis.phases: too many frames; got 20001 frames"),
+        ({**TRANSIENT, "frame_rate_Hz": 10.0}, "analysis.duration_s: nothing to compare; got one "
+         "frame"),
+        ({**TRANSIENT, "base_motion": {"file": "no.csv", "direction": [1.0, 0.0, 0.0]}},
+         "analysis.base_motion.file: "),
+    ],
+)  # fmt: skip
+def test_keys_of_the_analysis(analysis: dict[str, Any], line: str) -> None:
+    load = [] if analysis["type"] == "modal" else [PUSH]
+    assert line in told(analysis=analysis, body=body(load=load))
