@@ -13,12 +13,12 @@ from gpusim.deck.increments import Increments
 from gpusim.deck.procedures import MASS, Static, converged
 from gpusim.deck.step import Analysis, Procedure, Step
 from gpusim.fem import History, Record, Solution
+from gpusim.fem.dynamics.initial_value_problem import InitialValueProblem
+from gpusim.fem.dynamics.nonlinear_motion import NonlinearMotion
+from gpusim.fem.dynamics.time_integration import LinearMotion, Motion, Scheme
+from gpusim.fem.dynamics.transient import integrated
 from gpusim.fem.linear.solve_plan import Clock, Options
 from gpusim.fem.model.history import State
-from gpusim.fem.procedures.initial_value_problem import InitialValueProblem
-from gpusim.fem.procedures.nonlinear_motion import NonlinearMotion
-from gpusim.fem.procedures.time_integration import LinearMotion, Motion, Scheme
-from gpusim.fem.procedures.transient import integrated
 from gpusim.mesh.formats.abaqus.cards import Card, number
 from gpusim.validation import require
 

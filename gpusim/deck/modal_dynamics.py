@@ -28,10 +28,10 @@ from gpusim.fem import (
     mass_matrix,
     solve,
 )
+from gpusim.fem.dynamics.modal_superposition import ModalCoordinates, ModalMotion, Oscillators
+from gpusim.fem.dynamics.transient import superposed
 from gpusim.fem.model.damping import Damping
 from gpusim.fem.model.dead_loads import with_dead_loads
-from gpusim.fem.procedures.modal_superposition import ModalCoordinates, ModalMotion, Oscillators
-from gpusim.fem.procedures.transient import superposed
 from gpusim.mesh.formats.abaqus.cards import Card, number, whole
 from gpusim.validation import require
 

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pytest
 
 from gpusim.errors import NotConverged
-from gpusim.fem.procedures.davidson import Apply, Eigenpairs, Pencil, davidson
+from gpusim.fem.eigenvalues.davidson import Apply, Eigenpairs, Pencil, davidson
 
 Float = npt.NDArray[np.float64]
 COUNT = 10

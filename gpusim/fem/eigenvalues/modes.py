@@ -11,15 +11,15 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
+from gpusim.fem.eigenvalues.davidson import Pencil, davidson
+from gpusim.fem.eigenvalues.rayleigh_quotients import AIM, rayleigh_ritz, sharpened
+from gpusim.fem.eigenvalues.rigid_body_modes import RigidBodyModes, rigid_body_modes
 from gpusim.fem.linear.shifted_solver import definite_solver
 from gpusim.fem.linear.solve_plan import METHODS, Clock, Options
 from gpusim.fem.model.mass import MASS_RULES
 from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.model.modes import Modes
 from gpusim.fem.model.solution import Solution
-from gpusim.fem.procedures.davidson import Pencil, davidson
-from gpusim.fem.procedures.rayleigh_quotients import AIM, rayleigh_ritz, sharpened
-from gpusim.fem.procedures.rigid_body_modes import RigidBodyModes, rigid_body_modes
 from gpusim.fem.procedures.statics import Tolerance
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.parallel.machine import host_memory, keep_freed_memory
@@ -89,23 +89,12 @@ def modes(
     require(isinstance(model, Model), "modes model", type(model).__name__, "a Model")
     called = progress is None or callable(progress)
     require(called, "modes progress", repr(progress), "a function, or None")
-    if prestress is not None:
-        own = isinstance(prestress, Solution) and prestress.model is model
-        expected = "a Solution of this model"
-        require(own, "modes prestress", type(prestress).__name__, expected)
-    limits = None
-    if band is not None:
-        expected = "(low, high) in Hz, 0 <= low < high"
-        limits = finite_numbers(band, "modes: band", [(2,)], expected)
-        require(bool(0.0 <= limits[0] < limits[1]), "modes: band", band, expected)
+    limits = None if band is None else _limits(band)
     keep_freed_memory()
     names, clock = resolve_formulation(model, formulation), Clock()
     options = Options(method, None, "numpy", tolerance, None, None, progress, names, clock)
     with one_blas_thread():
-        if prestress is None:
-            equation = EquationOfMotion.of(model, names, mass)
-        else:
-            equation = EquationOfMotion.at(prestress, names, mass)
+        equation = _equation(model, names, mass, prestress)
         clock.mark("assembly")
         rigid = rigid_body_modes(equation)
         unknowns = int(equation.unknown.sum())
@@ -121,6 +110,24 @@ def modes(
         if limits is not None:
             found = search.up_to((2.0 * np.pi * limits[1]) ** 2, found)
         return _result(search, found, limits, int(count))
+
+
+def _limits(band: tuple[float, float]) -> Float:
+    expected = "(low, high) in Hz, 0 <= low < high"
+    limits = finite_numbers(band, "modes: band", [(2,)], expected)
+    require(bool(0.0 <= limits[0] < limits[1]), "modes: band", band, expected)
+    return limits
+
+
+def _equation(
+    model: Model, formulation: Mapping[str, str], mass: str, prestress: Solution | None
+) -> EquationOfMotion:
+    if prestress is None:
+        return EquationOfMotion.of(model, formulation, mass)
+    own = isinstance(prestress, Solution) and prestress.model is model
+    got, expected = type(prestress).__name__, "a Solution of this model"
+    require(own, "modes prestress", got, expected)
+    return EquationOfMotion.at(prestress, formulation, mass)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,13 +11,13 @@ from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
 from gpusim.fem.assembly.geometric_stiffness import geometric_stiffness
+from gpusim.fem.eigenvalues.davidson import Pencil, davidson
+from gpusim.fem.eigenvalues.rayleigh_quotients import AIM, sharpened
 from gpusim.fem.linear.shifted_solver import definite_solver
 from gpusim.fem.linear.solve_plan import METHODS, Clock, Options
 from gpusim.fem.model.buckling import Buckling
 from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.model.solution import Solution
-from gpusim.fem.procedures.davidson import Pencil, davidson
-from gpusim.fem.procedures.rayleigh_quotients import AIM, sharpened
 from gpusim.fem.procedures.statics import Tolerance, solve
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import Count, checked, one_of, require

@@ -5,73 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 import pytest
-from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 import gpusim as gs
 from gpusim.errors import InputError, NotConverged
 from gpusim.fem.assembly import node_graph
+from gpusim.fem.eigenvalues import davidson as iteration
+from gpusim.fem.eigenvalues import modes as procedure
 from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.linear import solve_plan
-from gpusim.fem.model.elimination import eliminate
-from gpusim.fem.model.mass import mass_matrix
-from gpusim.fem.procedures import davidson as iteration
-from gpusim.fem.procedures import modes as procedure
+from tests.support.dense_modes import STEEL, agree, dense, held, together
 from tests.support.element_meshes import mesh_of
-from tests.support.fem_reference import stiffness
-
-Float = npt.NDArray[np.float64]
-STEEL = gs.Isotropic(210e9, 0.3, density=7850.0)
-
-
-def held(mesh: gs.Mesh, material: gs.Isotropic = STEEL, **more: object) -> gs.Model:
-    fixed = np.repeat(mesh.points[:, :1] < mesh.points[:, 0].min() + 1e-9, 3, axis=1)
-    return gs.Model(mesh, material, fixed, **more)  # type: ignore[arg-type]
-
-
-def dense(model: gs.Model, formulation: object = None, rule: str = "exact") -> tuple[Float, Float]:
-    """All frequencies, and mass-normalised shapes as columns (3N,n)."""
-    assert model.fixed is not None
-    k = stiffness(model, formulation).toarray()  # type: ignore[arg-type]
-    m = mass_matrix(model, rule, formulation).toarray()  # type: ignore[arg-type]
-    elimination = eliminate(model)
-    unknown = ~model.fixed
-    unknown[model.mesh.dangling_nodes] = False
-    columns = np.eye(k.shape[0])
-    if elimination is not None:
-        columns, unknown = elimination.matrix.toarray(), elimination.unknowns(unknown)
-    columns = columns[:, unknown.ravel()]
-    values, vectors = eigh(columns.T @ k @ columns, columns.T @ m @ columns)
-    return np.sqrt(np.maximum(values, 0.0)) / (2.0 * np.pi), columns @ vectors
-
-
-def agree(found: gs.Modes, model: gs.Model, **options: object) -> None:
-    """Frequencies to 1e-8 and shapes to a MAC of 1 - 1e-8, those of clusters as their spans."""
-    assert found.converged, found.message
-    still, count = len(found.rigid), len(found.frequencies)
-    frequencies, shapes = dense(model, **options)  # type: ignore[arg-type]
-    assert (found.frequencies[:still] == 0.0).all()
-    assert (frequencies[:still] <= 1e-4 * frequencies[still]).all()
-    frequencies[:still] = 0.0
-    error = np.abs(found.frequencies[still:] / frequencies[still:count] - 1.0)
-    assert (error <= 1e-8).all()
-    # never less than stated, but for what rounding does to the dense ones
-    rounding = 1e-11 + 2e-16 * (frequencies[-1] / frequencies[still:count]) ** 2
-    assert (error <= found.error_estimate[still:] + rounding).all()
-    weights = mass_matrix(model, str(options.get("rule", "exact")), None)
-    flat = found.shapes.reshape(count, -1)
-    gram = flat @ weights @ flat.T
-    assert np.abs(gram - np.eye(count)).max() <= 1e-9
-    cuts = np.flatnonzero(np.diff(frequencies[:count]) > 5e-3 * frequencies[1:count]) + 1
-    for cluster in np.split(np.arange(count), cuts):
-        after = frequencies[cluster[-1] + 1] if count < len(frequencies) else np.inf
-        if after <= 1.005 * frequencies[cluster[-1]]:
-            continue  # its other half wasn't asked for
-        shares = shapes[:, cluster].T @ weights @ flat[cluster].T
-        assert np.linalg.svd(shares)[1].min() ** 2 >= 1.0 - 1e-8
-
 
 EVERY = [(kind, name) for kind, one in ELEMENTS.items() for name in one.formulations]
 
@@ -90,13 +35,6 @@ def comb(teeth: int) -> gs.Mesh:
     keep = (middle[:, 1] < 6.0) | (middle[:, 0] % 9.0 < 3.0)
     used, cells = np.unique(mesh.cells["hex8"][keep], return_inverse=True)
     return gs.Mesh(mesh.points[used], {"hex8": cells.reshape(-1, 8)})
-
-
-def together(*meshes: gs.Mesh) -> gs.Mesh:
-    """Several bodies of hexahedra."""
-    first = np.cumsum([0, *(one.node_count for one in meshes)])
-    cells = [one.cells["hex8"] + at for one, at in zip(meshes, first, strict=False)]
-    return gs.Mesh(np.concatenate([one.points for one in meshes]), {"hex8": np.concatenate(cells)})
 
 
 def tied() -> gs.Model:
@@ -138,72 +76,6 @@ def test_mass_rules(rule: str) -> None:
     found = gs.modes(model, 5, mass=rule)
     frequencies, _ = dense(model, rule=rule)
     assert np.abs(found.frequencies / frequencies[:5] - 1.0).max() <= 1e-8
-
-
-def two_bodies() -> gs.Model:
-    """One held, one free, of unlike sizes."""
-    both = together(
-        gs.mesh.box((1, 0.1, 0.1), (6, 1, 1)), gs.mesh.box((1, 0.2, 0.1), (6, 1, 1), (0, 1, 0))
-    )
-    fixed = (both.points[:, 1:2] < 0.5) & (both.points[:, :1] == 0.0)
-    return gs.Model(both, STEEL, np.repeat(fixed, 3, axis=1))
-
-
-def hinged() -> gs.Model:
-    """Two bars that share an edge, the first one held."""
-    first = gs.mesh.box((1, 0.1, 0.1), (4, 1, 1))
-    second = gs.mesh.box((1, 0.1, 0.1), (4, 1, 1), (1, 0.1, 0))
-    pair = together(first, second)
-    points, number = np.unique(pair.points.round(9), axis=0, return_inverse=True)
-    return held(gs.Mesh(points, {"hex8": number.reshape(-1)[pair.cells["hex8"]]}))
-
-
-def sliding() -> gs.Model:
-    mesh = gs.mesh.box((1, 0.1, 0.1), (6, 1, 1))
-    return gs.Model(mesh, STEEL, np.repeat([[False, False, True]], mesh.node_count, axis=0))
-
-
-def turned() -> gs.Model:
-    mesh = gs.mesh.box((1, 0.2, 0.1), (6, 2, 1))
-    turn = np.array([[0.8, 0.6, 0.0], [-0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
-    return gs.Model(gs.Mesh(mesh.points @ turn, mesh.cells), STEEL)
-
-
-ALONG = ("translation x", "translation y", "translation z")
-RIGID = {
-    "two bodies": (two_bodies, (*ALONG, *(f"rotation about {axis}" for axis in "xyz"))),
-    "hinged": (hinged, ("motion 1 of a mechanism",)),
-    "sliding": (sliding, ("translation x", "translation y", "rotation about z")),
-    "turned": (
-        turned,
-        (*ALONG, "rotation about (0.800, 0.600, 0.000)", "rotation about (-0.600, 0.800, 0.000)",
-         "rotation about z"),
-    ),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", RIGID)
-def test_rigid_modes_are_named_and_exact(name: str) -> None:
-    build, names = RIGID[name]
-    model = build()
-    found = gs.modes(model, len(names) + 3)
-    assert tuple(one.replace("-0.000", "0.000") for one in found.rigid) == names
-    agree(found, model)
-    few = gs.modes(model, 1)
-    assert few.rigid == names[:1]
-    assert few.shapes.shape == (1, model.mesh.node_count, 3)
-
-
-def test_a_free_body_takes_up_all_of_its_mass_by_its_rigid_modes() -> None:
-    model = gs.Model(gs.mesh.box((2.0, 1.0, 0.5), (4, 2, 1), (3.0, 1.0, 7.0)), STEEL)
-    found = gs.modes(model, 8)
-    mass = 7850.0
-    assert np.allclose(found.centre, [4.0, 1.5, 7.25])
-    assert np.allclose(found.total_mass[:3], mass)
-    about_z = mass * (2.0**2 + 1.0**2) / 12.0
-    assert np.isclose(found.total_mass[5], about_z, rtol=1e-9)
-    assert np.allclose(found.effective_mass[:6].sum(axis=0), found.total_mass, rtol=1e-9)
-    assert np.abs(found.effective_mass[6:]).max() <= 1e-12 * mass
 
 
 def test_effective_masses_of_a_cantilever() -> None:
