@@ -38,6 +38,9 @@ _CORRECTED = 2.0
 _FRESH, _LOOKS = 2, 6
 # rows whose share that isn't in the others' span is less, squared
 _DEPENDENT = 1e-12
+# share of a row's energy outside of the basis up to which that is rounding: exact corrections have
+# none in it
+_NOTHING_NEW = 1e-8
 # passes at most; least eigenvalue of unit rows' products from which on they are made orthonormal
 # without loss, and shares of the basis' rows in them that once more takes off
 _PASSES, _WELL, _APART = 4, 1e-3, 1e-8
@@ -150,6 +153,10 @@ class _Basis:
             new = new - shares @ rows
             # what is taken off unit rows is rounding: it needs no product
             image = image - shares @ energy if well else self._pencil.energy(new)
+            if not number:
+                taken = np.einsum("ij,ij->i", shares, shares)
+                stale = np.abs(np.einsum("ij,ij->i", new, image)) <= _NOTHING_NEW * taken
+                new, image = new[~stale], image[~stale]
             gram = new @ image.T
             _require_definite(new, image, gram.diagonal())
             size = 1.0 / np.sqrt(np.maximum(gram.diagonal(), 1e-300))
@@ -183,6 +190,7 @@ class _Errors:
     def __init__(self, count: int, guards: int, tolerance: float) -> None:
         self._count, self._tolerance = count, tolerance
         self.eta, self._values = np.full(count + guards, np.inf), np.zeros(count + guards)
+        self._settled = np.zeros(count + guards, dtype=bool)
 
     def open(self, values: Float, negligible: float) -> Long:
         """Those of the Ritz ``values`` (m,) that aren't good enough yet."""
@@ -192,11 +200,17 @@ class _Errors:
         moved = np.abs(ritz - self._values[here])
         same = moved <= np.maximum(self.eta[here], _ROUNDING) * np.abs(ritz)
         self.eta[here][~same] = np.inf
+        self._settled[here] &= same
         gap = gaps(values, len(ritz))
         aims = np.sqrt(self._tolerance * np.minimum((_CORRECTED * gap) ** 2, gap / _SAFETY))
         wanted = np.arange(len(ritz)) < self._count
         good = self.eta[here] <= np.where(wanted, aims, _GUARD_ERROR)
+        good |= self._settled[here]
         return np.flatnonzero(~good & (ritz > negligible * np.abs(values).max()))
+
+    def settle(self, which: Long) -> None:
+        """Rounding hides what is left of the error of ``which`` values."""
+        self._settled[which] = True
 
     def tell(self, which: Long, values: Float, squares: Float) -> None:
         """Residual times correction of ``which`` values (m,)."""
@@ -250,9 +264,11 @@ def davidson(
             basis.restart(values[:keep], shares[:keep])
         if len(new):
             added = basis.extend(new)
-            if not added:
-                # nothing is left to be found, or rounding hides it
+            if not added and not len(todo):
+                # nothing is left to be found
                 break
+            if not added:
+                errors.settle(todo)
     values, shares = basis.ritz()
     found, eta = slice(min(count, len(values))), errors.eta[:count]
     missing = errors.open(values, pencil.negligible)
