@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.fem.procedures.test_harmonic import deep_beam
+from tests.fem.dynamics.test_harmonic import deep_beam
 
 import gpusim as gs
 from gpusim.errors import InputError
