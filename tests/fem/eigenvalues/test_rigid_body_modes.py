@@ -33,7 +33,7 @@ def sliding() -> gs.Model:
 
 
 def stiffened() -> gs.Model:
-    """An end that moves as one node does, which belongs to no cell and has no mass: it can't turn."""
+    """An end that moves as a node without mass does: it can't turn."""
     bar = gs.mesh.box((1, 0.1, 0.1), (6, 1, 1))
     mesh = gs.Mesh(np.vstack([bar.points, [[1.2, 0.0, 0.0]]]), bar.cells)
     end, last = np.flatnonzero(bar.points[:, 0] == 1.0), bar.node_count
