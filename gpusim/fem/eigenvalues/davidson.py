@@ -246,8 +246,9 @@ def davidson(
         if progress is not None:
             progress(step + 1, float(errors.eta[:count].max()))
         if not basis.fits(len(new)):
-            keep = wanted + block
-            basis.restart(values[:keep], shares[:keep])
+            # and the least value, which tells of the other end
+            keep = np.append(np.arange(wanted + block), len(values) - 1)
+            basis.restart(values[keep], shares[keep])
         if len(new):
             added = basis.extend(new)
             if not added:
