@@ -42,8 +42,8 @@ _DEPENDENT = 1e-12
 # none in it
 _NOTHING_NEW = 1e-8
 # passes at most; least eigenvalue of unit rows' products from which on they are made orthonormal
-# without loss, and shares of the basis' rows in them that once more takes off
-_PASSES, _WELL, _APART = 4, 1e-3, 1e-8
+# without loss, and shares of the basis' rows that may stay in them
+_PASSES, _WELL, _APART = 4, 1e-3, 1e-11
 # steps after which it won't get there
 _STEPS, _STEPS_OF_EACH = 60, 8
 # of values: less is no motion of them
@@ -148,8 +148,10 @@ class _Basis:
         """Rows made orthonormal to the basis and to one another, and A times them."""
         rows, energy = self._rows[: self._size], self._energy[: self._size]
         image, well = new, False
-        for number in range(_PASSES):
+        for _ in range(_PASSES):
             shares = new @ energy.T
+            if not len(new) or (well and np.abs(shares).max(initial=0.0) < _APART):
+                break
             new = new - shares @ rows
             # what is taken off unit rows is rounding: it needs no product
             image = image - shares @ energy if well else self._pencil.energy(new)
@@ -167,8 +169,6 @@ class _Basis:
             turn = (vectors[:, good] / np.sqrt(values[good])).T * size
             new, image = turn @ new, turn @ image
             well = bool((values > _WELL).all())
-            if not len(new) or (number and well and np.abs(shares).max(initial=0.0) < _APART):
-                break
         return new, image
 
 
@@ -260,8 +260,9 @@ def davidson(
         if progress is not None:
             progress(step + 1, float(errors.eta[:count].max()))
         if not basis.fits(len(new)):
-            keep = wanted + block
-            basis.restart(values[:keep], shares[:keep])
+            # and the least value, which tells of the other end
+            keep = np.append(np.arange(wanted + block), len(values) - 1)
+            basis.restart(values[keep], shares[keep])
         if len(new):
             added = basis.extend(new)
             if not added and not len(todo):

@@ -171,7 +171,7 @@ class _Search:
         known = self.rigid.rows / np.sqrt(self.shift or 1.0)
         self._pencil = Pencil(
             solver.energy, self.equation.inertia, solver.apply, self.equation.unknown, known,
-            solver.weakest,
+            solver.weakest, _MASSLESS,
         )  # fmt: skip
 
     def lowest(self, count: int) -> _Elastic:
@@ -184,7 +184,7 @@ class _Search:
         fits = need <= _MEMORY * host_memory()
         require(fits, f"modes: {count} modes need", f"{need / 1e9:.1f} GB", expected)
         # twice the error of a frequency is that of lambda, which is more of it than of lambda + s
-        aim = 2.0 * self.options.tolerance / (1.0 + _FAR if self.shift else 1.0)
+        aim = 2.0 * self.options.tolerance / (1.0 + 2.0 * _FAR if self.shift else 1.0)
         pairs = davidson(self._pencil, count, AIM * aim, self._start, self.options.progress)
         self._start = pairs.vectors
         if not pairs.converged and self.options.method == "auto" and self.solver.may_be_exact:

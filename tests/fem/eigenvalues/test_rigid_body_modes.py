@@ -32,6 +32,15 @@ def sliding() -> gs.Model:
     return gs.Model(mesh, STEEL, np.repeat([[False, False, True]], mesh.node_count, axis=0))
 
 
+def stiffened() -> gs.Model:
+    """An end that moves as a node without mass does: it can't turn."""
+    bar = gs.mesh.box((1, 0.1, 0.1), (6, 1, 1))
+    mesh = gs.Mesh(np.vstack([bar.points, [[1.2, 0.0, 0.0]]]), bar.cells)
+    end, last = np.flatnonzero(bar.points[:, 0] == 1.0), bar.node_count
+    alike = [([(n, axis, 1.0), (last, axis, -1.0)], 0.0) for n in end for axis in "xyz"]
+    return gs.Model(mesh, STEEL, constraints=gs.fem.equations(mesh, alike))
+
+
 def turned() -> gs.Model:
     mesh = gs.mesh.box((1, 0.2, 0.1), (6, 2, 1))
     turn = np.array([[0.8, 0.6, 0.0], [-0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
@@ -42,6 +51,7 @@ ALONG = ("translation x", "translation y", "translation z")
 RIGID = {
     "two bodies": (two_bodies, (*ALONG, *(f"rotation about {axis}" for axis in "xyz"))),
     "hinged": (hinged, ("motion 1 of a mechanism",)),
+    "stiffened": (stiffened, ALONG),
     "sliding": (sliding, ("translation x", "translation y", "rotation about z")),
     "turned": (
         turned,
