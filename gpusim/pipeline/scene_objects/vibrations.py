@@ -39,19 +39,21 @@ def stored_vibration(
 
     Raises InputError where there is no such mode, KeyError or ValueError for damage.
     """
-    for key, values in stored.items():
+    names = (*_COURSE, "shapes", "amplitudes", "frequencies", "rest")
+    known = {key: stored[f"{key}{body}"] for key in names if f"{key}{body}" in stored}
+    for key, values in known.items():
         if not np.isfinite(values).all():
             raise ValueError(f"{key}: values that aren't finite")
-    if f"times{body}" in stored:
-        known = {key: stored.get(f"{key}{body}") for key in _COURSE}
-        return Transient(Course(**known), stored.get(f"shapes{body}"))  # type: ignore[arg-type]
-    if f"amplitudes{body}" not in stored:
+    if "times" in known:
+        shapes = known.pop("shapes", None)
+        return Transient(Course(**known), shapes)
+    if "amplitudes" not in known:
         return None
-    amplitudes, shown = stored[f"amplitudes{body}"], analysis.shown_modes
+    amplitudes, shown = known["amplitudes"], analysis.shown_modes
     what, most = f"analysis.modes: body {name!r}", len(amplitudes)
     require(max(shown) <= most, what, max(shown), f"at most {most}, as many as were found")
     chosen = np.array(shown) - 1
-    frequencies = stored[f"frequencies{body}"][chosen]
+    frequencies = known["frequencies"][chosen]
     # modes have a greatest displacement of 1, vibrations their own
     scale = 1.0 if analysis.frequencies_Hz else (analysis.amplitude or 1e-3)
-    return Oscillation(shown, scale * amplitudes[chosen], frequencies, stored[f"rest{body}"])
+    return Oscillation(shown, scale * amplitudes[chosen], frequencies, known["rest"])

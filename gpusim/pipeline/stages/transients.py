@@ -126,9 +126,9 @@ def _charts(name: str, history: fem.History) -> list[Chart]:
     moved = 1e3 * np.asarray(history.u[:, node])
     motion = {axis: moved[:, k].tolist() for k, axis in enumerate("xyz")}
     energy = {key.replace("_", " "): getattr(history.energy, key).tolist() for key in ENERGIES}
-    place, about = place_of(history.model, node), "Of the motion relative to the ground."
+    place, about = place_of(history.model, node), "Relative to the ground."
     return [
-        Chart(f"Motion, {name}", f"Of {place}, which moves most.", "Time (s)",
+        Chart(f"Motion, {name}", f"Of {place}, which moves most. {about}", "Time (s)",
               "Displacement (mm)", times, motion),
         Chart(f"Energy, {name}", about, "Time (s)", "Energy (J)", times, energy),
     ]  # fmt: skip
