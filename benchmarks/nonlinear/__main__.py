@@ -17,21 +17,21 @@ def main() -> None:
     parser.add_argument("--no-peers", action="store_true", help="measure gpusim alone")
     given = parser.parse_args()
     if given.only in (None, "accuracy"):
-        _print(accuracy.HEADINGS, accuracy.accuracy(given.case))
+        print_table(accuracy.HEADINGS, accuracy.accuracy(given.case))
     if given.only in (None, "speed"):
-        _print(speed.HEADINGS, speed.speed(given.case, given.repeat, not given.no_peers))
+        print_table(speed.HEADINGS, speed.speed(given.case, given.repeat, not given.no_peers))
     if given.only in (None, "stretch"):
-        _print(stretch.HEADINGS, stretch.stretch(not given.no_peers))
+        print_table(stretch.HEADINGS, stretch.stretch(not given.no_peers))
 
 
-def _print(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+def print_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     """A table, row by row as these are measured."""
-    for line in _markdown(headings, rows):
+    for line in markdown(headings, rows):
         print(line, flush=True)
     print()
 
 
-def _markdown(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
+def markdown(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
     yield "| " + " | ".join(headings) + " |"
     yield "|" + "---|" * len(headings)
     for row in rows:

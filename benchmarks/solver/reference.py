@@ -114,7 +114,7 @@ class _Blocks:
                 chosen = cells[of_cell == number].astype(np.int64)
                 if len(chosen) == 0:
                     continue
-                first_alike, alike = _shapes(mesh.points[chosen])
+                first_alike, alike = unique_shapes(mesh.points[chosen])
                 points = as_arithmetic(mesh.points[chosen[first_alike]], dtype)
                 values = element_matrices(
                     kind, points, as_arithmetic(stiffness, dtype), rules[kind], dtype
@@ -134,7 +134,7 @@ class _Blocks:
         return result
 
 
-def _shapes(points: Float) -> tuple[Long, Long]:
+def unique_shapes(points: Float) -> tuple[Long, Long]:
     """Elements (M,k,3) that are a shift apart, to the last bit: the first of each, and of each
     element which it is. Differences are sums of two float64, which hold them exactly."""
     first = -points[:, :1]

@@ -6,6 +6,7 @@ Its modules:
 - `correlation`: Pictures of a surface correlated, by one camera or two.
 - `advice`: Settings advised for a picture file, and why written as a page.
 - `calibration`: Cameras calibrated from pictures of a board.
+- `deck_results`: What files and reports tell of modes, buckling and motion.
 - `decks`: The steps of an input deck solved.
 - `field_scene`: The scene of a displacement file alone.
 """

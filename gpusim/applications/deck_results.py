@@ -1,7 +1,8 @@
-"""What files and reports tell of the steps of a deck that aren't static."""
+"""What files and reports tell of modes, buckling and motion."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from functools import singledispatch
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.deck import Deck
 from gpusim.fem import Buckling, HarmonicResponse, History, Modes
+from gpusim.fem.model.history import Superposition
 
 Fields = dict[str, Any]
 
@@ -33,12 +35,19 @@ def _(result: Buckling) -> Fields:
 
 @arrays.register
 def _(result: History) -> Fields:
+    if isinstance(result.u, Superposition):
+        return {"times": result.times} | _factors(result.u.amplitudes, result.u.shapes)
     return {name: np.asarray(getattr(result, name)) for name in ("times", "u", "v", "a")}
 
 
 @arrays.register
 def _(result: HarmonicResponse) -> Fields:
-    return {"frequencies": result.frequencies, "u": result.u}
+    return {"frequencies": result.frequencies} | _factors(result.coordinates, result.shapes)
+
+
+def _factors(amplitudes: Any, shapes: Any) -> Fields:
+    """Of displacements that are a product."""
+    return {"amplitudes": amplitudes, "shapes": shapes}
 
 
 @singledispatch
@@ -55,7 +64,7 @@ def _(result: History) -> Fields:
 
 @nodal_fields.register
 def _(result: HarmonicResponse) -> Fields:
-    k = int(np.argmax(result.amplitude.max(axis=(1, 2))))
+    k = int(np.argmax([size.max() for size in _responses(result)]))
     return {"u": result.at(k), "u_quarter": result.at(k, np.pi / 2)}
 
 
@@ -82,27 +91,17 @@ def _(result: Buckling, deck: Deck) -> Fields:
 
 @summary.register
 def _(result: History, deck: Deck) -> Fields:
-    size = np.stack([np.linalg.norm(result.u[k], axis=1) for k in range(len(result.times))])
-    return _greatest(deck, size) | {
-        "kind": "history",
-        "instants": len(result.times),
-        "at_time": float(result.times[size.max(axis=1).argmax()]),
-        "method": result.method,
-        "message": result.message,
-        "converged": True,
-    }
+    k, largest = _largest(deck, (result.u[k] for k in range(len(result.times))))
+    told = {"instants": len(result.times), "at_time": float(result.times[k])}
+    how = {"method": result.method, "message": result.message}
+    return {"kind": "history", "converged": True} | largest | told | how
 
 
 @summary.register
 def _(result: HarmonicResponse, deck: Deck) -> Fields:
-    size = np.linalg.norm(result.amplitude, axis=2)
-    return _greatest(deck, size) | {
-        "kind": "harmonic response",
-        "frequencies": result.frequencies.tolist(),
-        "at_frequency": float(result.frequencies[size.max(axis=1).argmax()]),
-        "message": "",
-        "converged": True,
-    }
+    k, largest = _largest(deck, _responses(result))
+    at = {"frequencies": result.frequencies.tolist(), "at_frequency": float(result.frequencies[k])}
+    return {"kind": "harmonic response", "converged": True, "message": ""} | largest | at
 
 
 def _found(result: Modes | Buckling) -> Fields:
@@ -116,9 +115,16 @@ def _found(result: Modes | Buckling) -> Fields:
     }
 
 
-def _greatest(deck: Deck, size: Float) -> Fields:
-    """Of sizes (K,N) of displacements."""
-    return {
-        "largest_displacement": float(size.max()),
-        "largest_displacement_node": int(deck.node_labels[size.max(axis=0).argmax()]),
-    }
+def _responses(result: HarmonicResponse) -> Iterator[Float]:
+    """(N,3) amplitudes at each frequency."""
+    return (np.abs(np.tensordot(one, result.shapes, axes=1)) for one in result.coordinates)
+
+
+def _largest(deck: Deck, displacements: Iterable[Float]) -> tuple[int, Fields]:
+    """Which of displacements (N,3) has the largest one, how large it is, and where."""
+    lengths = (np.linalg.norm(u, axis=1) for u in displacements)
+    places = [(float(one.max()), int(one.argmax())) for one in lengths]
+    k = int(np.argmax([size for size, _ in places]))
+    size, node = places[k]
+    label = int(deck.node_labels[node])
+    return k, {"largest_displacement": size, "largest_displacement_node": label}

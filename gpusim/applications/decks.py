@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,8 @@ from gpusim._version import __version__
 from gpusim.applications.deck_results import arrays, nodal_fields, summary
 from gpusim.arrays.array_types import Float
 from gpusim.deck import Deck, Step, load_deck
-from gpusim.deck.procedures import MASS, Result, Static
+from gpusim.deck.procedures import MASS, Static
+from gpusim.deck.step import Result
 from gpusim.errors import GpusimError
 from gpusim.export import atomic_stream, write_pvd, write_vtu
 from gpusim.fem import Solution, von_mises
@@ -106,31 +107,24 @@ def solve_deck(
             _write_report(folder, report | {"status": "failed", "error": str(error)})
             raise
         stresses = [
-            deck.point_stress(step.number, one)
-            if stress and isinstance(one, Solution) and _reached(deck, one)
-            else {}
+            deck.point_stress(step.number, one) if stress and _reached(one, deck) else {}
             for step, one in zip(deck.steps, solutions, strict=True)
         ]
         files = _write_solutions(deck, solutions, stresses, folder)
         report["seconds"]["total"] = time.perf_counter() - start
         rows = zip(deck.steps, solutions, files, stresses, strict=False)
         report["steps"] = [
-            _of_step(step, file.name)
-            | (
-                _step_report(deck, step, result) | _greatest_stress(deck, stress)
-                if isinstance(result, Solution)
-                else summary(result, deck)
-            )
+            _of_step(deck, step, result) | {"file": file.name} | _greatest_stress(deck, stress)
             for step, result, file, stress in rows
         ]
         texts = (text for one in solutions for text in getattr(one, "warnings", ()))
         report["warnings"] = list(dict.fromkeys(texts))
+        failed = (step for step in report["steps"] if not step["converged"])
         failure = next(
             (
                 f"{path}: step {step['number']}: {step['message']}; estimated error "
                 f"{step['error_estimate']:.2g}; expected {tolerance:g}"
-                for step in report["steps"]
-                if not step["converged"]
+                for step in failed
             ),
             "",
         )
@@ -139,9 +133,11 @@ def solve_deck(
         return DeckOutput(deck, solutions, report, files, failure)
 
 
-def _reached(deck: Deck, solution: Solution) -> bool:
-    """Whether the analysis came to the end of the step of a solution."""
-    found = solution.steps
+def _reached(result: Result, deck: Deck) -> TypeGuard[Solution]:
+    """Whether it is of statics, and the analysis came to the end of its step."""
+    if not isinstance(result, Solution):
+        return False
+    found = result.steps
     return not deck.nonlinear or bool(found and found[-1].stress is not None)
 
 
@@ -250,8 +246,11 @@ def _write_solutions(
     return files
 
 
-def _of_step(step: Step, file: str) -> dict[str, Any]:
-    return {"number": step.number, "name": step.name, "time": step.time, "file": file}
+def _of_step(deck: Deck, step: Step, result: Result) -> dict[str, Any]:
+    found = (
+        _step_report(deck, step, result) if isinstance(result, Solution) else summary(result, deck)
+    )
+    return {"number": step.number, "name": step.name, "time": step.time} | found
 
 
 def _step_report(deck: Deck, step: Step, solution: Solution) -> dict[str, Any]:

@@ -119,7 +119,7 @@ def print_deck(report: Mapping[str, Any], folder: Path) -> None:
         if step["kind"] != "static":
             _print_motion(step)
     if len(static) < len(report["steps"]):
-        out(f"mass by the rules of: {report['mass_rule']}")
+        out(f"mass: rule {report['mass_rule']!r}")
     for warning in report["warnings"]:
         out(f"warning: {warning}")
     if report["ignored"]:

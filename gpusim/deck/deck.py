@@ -1,4 +1,4 @@
-"""A deck: mesh, materials, and one static problem for each step."""
+"""A deck: mesh, materials, and one problem for each step."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.deck.initial_state import point_stresses
 from gpusim.deck.load_path import LoadPath
-from gpusim.deck.procedures import Reached, Result, Static
-from gpusim.deck.step import Step
+from gpusim.deck.procedures import Static
+from gpusim.deck.step import Analysis, Result, Step
 from gpusim.errors import InputError
 from gpusim.fem import Material, Model, Rayleigh, Solution, solve
 from gpusim.field_summary import field_summary
@@ -135,9 +135,15 @@ class Deck:
             found |= {step.number: _case(both, k) for k, step in enumerate(group)}
         results: list[Result] = []
         for step in self.steps:
-            reached = Reached(self, found, tuple(results), tolerance)
-            results.append(step.procedure.solve(step, reached))
-        return tuple(results)
+            analysis = Analysis(
+                path=self.path, steps=self.steps, materials=self.materials, model_of=self.model_of,
+                formulation=self.formulation, nonlinear=self.nonlinear, damping=self.damping,
+                loss_factor=self.loss_factor, initial_motion=self.initial_motion, method=method,
+                tolerance=tolerance, static=found, before=tuple(results),
+            )  # fmt: skip
+            results.append(step.procedure.solve(step, analysis))
+        pairs = zip(self.steps, results, strict=True)
+        return tuple(step.procedure.shown(result) for step, result in pairs)
 
     def point_stress(self, number: int, u: npt.ArrayLike | Solution) -> Mapping[str, Float]:
         """Stress at the integration points of each element for ``u`` (N,3) of step ``number``, or

@@ -10,15 +10,15 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.deck.increments import Increments
-from gpusim.deck.procedures import MASS, Procedure, Reached, Static, settled
-from gpusim.deck.step import Step
+from gpusim.deck.procedures import MASS, Static, converged
+from gpusim.deck.step import Analysis, Procedure, Step
 from gpusim.fem import History, Record, Solution
+from gpusim.fem.dynamics.initial_value_problem import InitialValueProblem
+from gpusim.fem.dynamics.nonlinear_motion import NonlinearMotion
+from gpusim.fem.dynamics.time_integration import LinearMotion, Motion, Scheme
+from gpusim.fem.dynamics.transient import integrated
 from gpusim.fem.linear.solve_plan import Clock, Options
 from gpusim.fem.model.history import State
-from gpusim.fem.procedures.initial_value_problem import InitialValueProblem
-from gpusim.fem.procedures.nonlinear_motion import NonlinearMotion
-from gpusim.fem.procedures.time_integration import LinearMotion, Motion, Scheme
-from gpusim.fem.procedures.transient import integrated
 from gpusim.mesh.formats.abaqus.cards import Card, number
 from gpusim.validation import require
 
@@ -51,28 +51,27 @@ class Dynamics(Procedure):
             return "PERTURBATION, or steps before that aren't *STATIC or *DYNAMIC; expected neither"
         return ""
 
-    def solve(self, step: Step, reached: Reached) -> History:
+    def solve(self, step: Step, analysis: Analysis) -> History:
         """From where the steps before have left the body, or as it is at the beginning."""
         assert step.motion is not None
-        deck, last = reached.deck, reached.before[-1] if reached.before else None
+        last = analysis.before[-1] if analysis.before else None
         times = np.array([step.motion.begin, *step.increments])
-        u, v = deck.initial_motion
+        u, v = analysis.initial_motion
         if isinstance(last, History):
             u, v = last.u[-1], last.v[-1]
         elif isinstance(last, Solution):
-            u, v = settled(last, step).u, np.zeros_like(last.u)
+            u, v = converged(last, step).u, np.zeros_like(last.u)
         factors = Record(times, step.motion.factors(times))
-        model = deck.model_of(step.motion.cases)
+        model = analysis.model_of(step.motion.cases)
         scheme = Scheme(0.0, -self.alpha, 0.25 * (1.0 - self.alpha) ** 2, 0.5 - self.alpha)
         share = (1.0 + self.alpha) * scheme.beta * (_FIRST * self.increments.first) ** 2
         # CalculiX integrates the mass of C3D20R by all points here, that of others as for modes
-        rule = "exact" if deck.formulation.get("hex20") == "reduced" else MASS
-        problem = InitialValueProblem(model, deck.formulation, rule, factors, u, v, share)
-        options = Options(
-            "auto", None, "numpy", reached.tolerance, None, None, None, deck.formulation, Clock()
-        )
-        moving = NonlinearMotion if deck.nonlinear else LinearMotion
-        motion: Motion = moving(problem, scheme, deck.damping, options)
+        rule = "exact" if analysis.formulation.get("hex20") == "reduced" else MASS
+        problem = InitialValueProblem(model, analysis.formulation, rule, factors, u, v, share)
+        names, limit = analysis.formulation, analysis.tolerance
+        options = Options(analysis.method, None, "numpy", limit, None, None, None, names, Clock())
+        moving = NonlinearMotion if analysis.nonlinear else LinearMotion
+        motion: Motion = moving(problem, scheme, analysis.damping, options)
         fields = integrated(motion, partial(_states, motion, times), times, None, None)
         return History(times, method="hht", timings=options.clock.timings, model=model, **fields)
 

@@ -108,8 +108,8 @@ def check_keywords(cards: Sequence[Card]) -> tuple[str, ...]:
         elif card.keyword not in _READ:
             known = [*_READ, *_IGNORED]
             faults.append(
-                f"{card.where()}: not supported; expected a deck of static steps, or "
-                f"of vibration, on solid elements{nearest(card.keyword, known)}"
+                f"{card.where()}: not supported; expected a deck of *STATIC steps or "
+                f"of vibration on solid elements{nearest(card.keyword, known)}"
             )
         else:
             faults.extend(parameter_faults(card, _READ))
@@ -156,13 +156,14 @@ def _deflects(cards: Sequence[Card]) -> bool:
 
 
 def load_deck(source: Source) -> Deck:
-    """A static analysis, linear or not, from an Abaqus or CalculiX input file.
+    """An analysis of statics, vibration or buckling from an Abaqus or CalculiX input file.
 
     Read are solid elements (C3D4, C3D6, C3D8, C3D8I, C3D10, C3D15, C3D20, C3D20R) with the
     integration rules that CalculiX has for them, elastic materials (isotropic, orthotropic,
     anisotropic) with rectangular orientations, plasticity, neo-Hookean rubber, sets and surfaces,
     supports, prescribed displacements, equations, ties, turned axes, nodal forces, pressures,
-    gravity, rotation, temperatures, initial stress, amplitudes, and any number of *STATIC steps,
+    gravity, rotation, temperatures, initial stress and motion, damping, amplitudes, and any number
+    of steps with *STATIC, *FREQUENCY, *BUCKLE, *MODAL DYNAMIC, *STEADY STATE DYNAMICS and *DYNAMIC,
     with NLGEOM or without. Output requests are listed in ``Deck.ignored``.
 
     Raises InputError that lists, with file and line, every keyword, parameter and element type

@@ -13,8 +13,8 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.deck.increments import Increments
-from gpusim.deck.procedures import MASS, NONE, Frequency, Procedure, Reached, settled, values
-from gpusim.deck.step import Step
+from gpusim.deck.procedures import MASS, NONE, Frequency, converged, values
+from gpusim.deck.step import Analysis, Procedure, Step
 from gpusim.errors import InputError
 from gpusim.fem import (
     HarmonicResponse,
@@ -28,15 +28,17 @@ from gpusim.fem import (
     mass_matrix,
     solve,
 )
+from gpusim.fem.dynamics.modal_superposition import ModalCoordinates, ModalMotion, Oscillators
+from gpusim.fem.dynamics.transient import superposed
 from gpusim.fem.model.damping import Damping
 from gpusim.fem.model.dead_loads import with_dead_loads
-from gpusim.fem.procedures.modal_superposition import ModalCoordinates, ModalMotion, Oscillators
-from gpusim.fem.procedures.transient import superposed
 from gpusim.mesh.formats.abaqus.cards import Card, number, whole
 from gpusim.validation import require
 
 # of *STEADY STATE DYNAMICS: points between two natural frequencies, and their bias to these
 _POINTS, _BIAS = 20, 3.0
+# modes, and points between two of them, more than which nobody means
+_MOST = 100_000
 # of a static answer
 _TOLERANCE = 1e-10
 # nearer to an undamped resonance, relative to its square, the response isn't known
@@ -55,7 +57,8 @@ def read_modal_damping(card: Card) -> Damping:
     for line, row in card.records(3, 3, "first and last mode, ratio"):
         first = whole(row[0], line)
         last, ratio = whole(row[1] or row[0], line), number(row[2], line)
-        require(1 <= first <= last, f"{line}: modes", f"{first} to {last}", "numbers that grow")
+        expected = f"numbers that grow, up to {_MOST}"
+        require(1 <= first <= last <= _MOST, f"{line}: modes", f"{first} to {last}", expected)
         require(0.0 <= ratio < 1.0, f"{line}: ratio", f"{ratio:g}", "0 to below 1")
         ratios += [0.0] * (last - len(ratios))
         ratios[first - 1 : last] = [ratio] * (last + 1 - first)
@@ -90,25 +93,32 @@ class ModalDynamics(Superposition):
         """Of the cards of a step. Raises InputError."""
         return cls(replace(Increments.read(card, step), equal=True, at_once=True))
 
-    def solve(self, step: Step, reached: Reached) -> History:
+    def unfit(self, before: Sequence[Step], perturbation: bool) -> str:
+        """A second one about a stressed state, at which CalculiX forgets displacements alone."""
+        again = perturbation and any(isinstance(one.procedure, ModalDynamics) for one in before)
+        return super().unfit(before, perturbation) or (
+            "a second *MODAL DYNAMIC about a stressed state; expected one" if again else ""
+        )
+
+    def solve(self, step: Step, analysis: Analysis) -> History:
         """From where the step just before has left the body; *FREQUENCY has it rest."""
         assert step.motion is not None
         times = np.array([step.motion.begin, *step.increments])
-        factors, loads = step.motion.factors(times), modal_loads(step, reached)
-        modes, last = loads.modes, reached.before[-1]
+        factors, loads = step.motion.factors(times), modal_loads(step, analysis)
+        modes, last = loads.modes, analysis.before[-1]
         assert modes.model is not None
         u = v = np.zeros_like(modes.shapes[0])
         if isinstance(last, History):
             u, v = last.u[-1], last.v[-1]
         elif isinstance(last, Solution):
-            u = settled(last, step).u
+            u = converged(last, step).u
         angular = 2.0 * np.pi * modes.frequencies
         positive = np.maximum(angular, 1e-100)
         ratios = 0.0 if step.damping is None else step.damping.ratios(positive)
         coordinates = ModalCoordinates(
             Oscillators(angular, 2.0 * ratios * positive),
             Record(times, factors @ loads.forcing),
-            *shares(reached, modes, np.stack([u, v])),
+            *shares(analysis, modes, np.stack([u, v])),
         )
         shapes, cases = np.concatenate([modes.shapes, loads.beyond]), len(loads.beyond)
         response = ModalMotion(
@@ -119,7 +129,7 @@ class ModalDynamics(Superposition):
 
 
 @dataclass(frozen=True)
-class SteadyState(Superposition):
+class HarmonicDynamics(Superposition):
     """*STEADY STATE DYNAMICS: harmonic motion at frequencies from ``least`` to ``greatest`` Hz:
     natural ones, and from one of them to the next so many ``points``, the denser near these the
     greater the ``bias``."""
@@ -131,11 +141,13 @@ class SteadyState(Superposition):
     bias: float
 
     @classmethod
-    def read(cls, card: Card, step: Card) -> SteadyState:
+    def read(cls, card: Card, step: Card) -> HarmonicDynamics:
         """Of the cards of a step. Raises InputError."""
         least, greatest, points, bias = values(card, 4)
         got, fits = f"{least:g} to {greatest:g}", 0.0 <= least <= greatest and greatest > 0.0
         require(fits, f"{card.where()}: band", got, "two frequencies >= 0 that grow")
+        what = f"{card.where()}: points between natural frequencies"
+        require(0.0 <= points <= _MOST, what, f"{points:g}", f"at most {_MOST}")
         points = max(int(points), 2) if points else _POINTS
         return cls(NONE, least, greatest, points, bias if bias >= 1.0 else _BIAS)
 
@@ -148,13 +160,13 @@ class SteadyState(Superposition):
         between = 0.5 * (ends[1:] + ends[:-1]) + 0.5 * np.diff(ends) * biased[:, None]
         return np.unique([*ends, *between.ravel()])
 
-    def solve(self, step: Step, reached: Reached) -> HarmonicResponse:
+    def solve(self, step: Step, analysis: Analysis) -> HarmonicResponse:
         """Raises InputError at a resonance that nothing damps."""
         assert step.motion is not None
-        loads = modal_loads(step, reached)
+        loads = modal_loads(step, analysis)
         modes, frequencies = loads.modes, self.frequencies(loads.modes.frequencies)
         angular, own = 2.0 * np.pi * frequencies, 2.0 * np.pi * modes.frequencies
-        structural = StructuralDamping(reached.deck.loss_factor)
+        structural = StructuralDamping(analysis.loss_factor)
         lost = structural.dissipation(angular, own)
         if step.damping is not None:
             lost = lost + step.damping.dissipation(angular, own)
@@ -163,7 +175,7 @@ class SteadyState(Superposition):
         if not known.all():
             at = frequencies[np.argwhere(~known)[0, 0]]
             raise InputError(
-                f"{reached.deck.path}: step {step.number}: nothing damps a resonance; got "
+                f"{analysis.path}: step {step.number}: nothing damps a resonance; got "
                 f"{at:.6g} Hz; expected *MODAL DAMPING in the step"
             )
         ahead = np.where(step.motion.quadrature, 1j, 1.0)
@@ -185,12 +197,12 @@ class ModalLoads:
     beyond: Float
 
 
-def modal_loads(step: Step, reached: Reached) -> ModalLoads:
+def modal_loads(step: Step, analysis: Analysis) -> ModalLoads:
     """Of a step, for the modes that were found last."""
     assert step.motion is not None
-    deck, modes = reached.deck, reached.modes
-    model = deck.model_of(step.motion.cases)
-    forces = with_dead_loads(model, deck.formulation).load_cases
+    modes = [one for one in analysis.before if isinstance(one, Modes)][-1]
+    model, names = analysis.model_of(step.motion.cases), analysis.formulation
+    forces = with_dead_loads(model, names).load_cases
     forcing = np.tensordot(forces, modes.shapes, axes=([1, 2], [1, 2]))
     moved = model.prescribed_cases.any(axis=(1, 2))
     beyond = np.zeros_like(forces)
@@ -199,16 +211,16 @@ def modal_loads(step: Step, reached: Reached) -> ModalLoads:
             model, forces=0.0 * forces[moved], prescribed=model.prescribed_cases[moved],
             loads=(), temperature=None,
         )  # fmt: skip
-        u = settled(solve(pulled, formulation=deck.formulation, tolerance=_TOLERANCE), step).u
-        own = shares(reached, modes, u)
+        u = converged(solve(pulled, formulation=names, tolerance=_TOLERANCE), step).u
+        own = shares(analysis, modes, u)
         forcing[moved] += own * (2.0 * np.pi * modes.frequencies) ** 2
         beyond[moved] = u - np.tensordot(own, modes.shapes, axes=1)
     return ModalLoads(modes, forcing, beyond)
 
 
-def shares(reached: Reached, modes: Modes, u: Float) -> Float:
+def shares(analysis: Analysis, modes: Modes, u: Float) -> Float:
     """(L,n) of modes in displacements (L,N,3) of what isn't held."""
     assert modes.model is not None and modes.model.fixed is not None
-    mass = mass_matrix(modes.model, MASS, reached.deck.formulation)
+    mass = mass_matrix(modes.model, MASS, analysis.formulation)
     free = np.where(modes.model.fixed, 0.0, u).reshape(len(u), -1)
     return np.asarray((mass @ free.T).T @ modes.shapes.reshape(len(modes.shapes), -1).T)

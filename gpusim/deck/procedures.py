@@ -1,26 +1,19 @@
-"""Procedures: what is done in a step, as its card says, and how. Those without motion."""
+"""Procedures without motion: statics, natural frequencies, linear buckling."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf
-from typing import TYPE_CHECKING, ClassVar
 
 from gpusim.deck.increments import Increments
 from gpusim.deck.materials import at_finite_strain
-from gpusim.deck.step import Step
+from gpusim.deck.step import Analysis, Procedure, Result, Step
 from gpusim.errors import NotConverged
-from gpusim.fem import Buckling, HarmonicResponse, History, Modes, Solution, buckling, modes
+from gpusim.fem import Buckling, Modes, Solution, buckling, modes
 from gpusim.mesh.formats.abaqus.cards import Card, number
 from gpusim.validation import require
 
-if TYPE_CHECKING:
-    from gpusim.deck.deck import Deck
-
-Result = Solution | Modes | Buckling | History | HarmonicResponse
-"""Of a step."""
 MASS = "calculix"
 """The rule by which elements of decks have their mass."""
 
@@ -28,60 +21,6 @@ NONE = Increments(period=0.0)
 
 # what `Modes` have of each mode
 _OF_MODES = ("frequencies", "shapes", "participation", "effective_mass", "error_estimate")
-
-
-@dataclass(frozen=True, eq=False)
-class Reached:
-    """What is known when a step's turn comes: the solutions of all ``static`` steps by number, and
-    the results of the steps ``before``."""
-
-    deck: Deck
-    static: Mapping[int, Solution]
-    before: Sequence[Result]
-    tolerance: float
-
-    @property
-    def modes(self) -> Modes:
-        """Those found last."""
-        return [one for one in self.before if isinstance(one, Modes)][-1]
-
-    def equilibrium(self, step: Step) -> Solution | None:
-        """About which a step is a perturbation: the last one, where large displacements would have
-        come to be if it is linear."""
-        if not step.perturbation:
-            return None
-        state = last_static(self.deck.steps[: step.number])
-        assert state is not None
-        found = settled(self.static[state.number], step)
-        if self.deck.nonlinear:
-            return found
-        warm = None if state.temperature is None else state.temperature[None]
-        materials = [at_finite_strain(one) for one in self.deck.materials]
-        model = self.deck.model_of([state])
-        model = replace(model, materials=materials, temperature=warm, loads=state.followers)
-        return replace(found, model=model)
-
-
-@dataclass(frozen=True)
-class Procedure(ABC):
-    """What ``increments`` of time a step has, and what it does in them. In one that ``moves`` loads
-    are there from the beginning on; a ``fresh`` one has no loads but its own."""
-
-    moves: ClassVar[bool] = False
-    fresh: ClassVar[bool] = False
-    increments: Increments
-
-    @abstractmethod
-    def unfit(self, before: Sequence[Step], perturbation: bool) -> str:
-        """What speaks against it after the steps ``before``, if anything."""
-
-    def superposes(self, before: Sequence[Step]) -> Step | None:
-        """The step whose modes it superposes."""
-        return None
-
-    @abstractmethod
-    def solve(self, step: Step, reached: Reached) -> Result:
-        """The result of a step."""
 
 
 @dataclass(frozen=True)
@@ -97,13 +36,13 @@ class Static(Procedure):
         """About a first step, a perturbation means that step's stress stiffness in CalculiX, and
         its loads don't act: the first step of a linear analysis has neither."""
         if any(one.procedure.moves for one in before):
-            return "*STATIC after a step in which the body moves; expected it before"
+            return "after a step in which the body moves; expected it before"
         about = perturbation and len(before) > 0
         return "PERTURBATION about an earlier step; expected it in the first one" * about
 
-    def solve(self, step: Step, reached: Reached) -> Solution:
+    def solve(self, step: Step, analysis: Analysis) -> Solution:
         """All of them are solved together."""
-        return reached.static[step.number]
+        return analysis.static[step.number]
 
 
 @dataclass(frozen=True)
@@ -126,23 +65,29 @@ class Frequency(Procedure):
         alone = perturbation and last_static(before) is None
         return "PERTURBATION about no step; expected a step with *STATIC before it" * alone
 
-    def solve(self, step: Step, reached: Reached) -> Modes:
-        """As in CalculiX those beyond the band are counted, too."""
-        deck, about = reached.deck, reached.equilibrium(step)
-        model = deck.model_of([step]) if about is None else about.model
+    def solve(self, step: Step, analysis: Analysis) -> Modes:
+        """Also of those beyond the band, which CalculiX counts and superposes."""
+        about, names = equilibrium(step, analysis), analysis.formulation
+        model = analysis.model_of([step]) if about is None else about.model
         assert model is not None
-        found = modes(model, self.count, mass=MASS, formulation=deck.formulation, prestress=about)
-        at = found.frequencies
+        return modes(
+            model, self.count, mass=MASS, formulation=names, prestress=about, method=analysis.method
+        )
+
+    def shown(self, result: Result) -> Result:
+        """Those in the band."""
+        assert isinstance(result, Modes)
+        at = result.frequencies
         inside = (at >= self.least) & (at <= self.greatest)
-        chosen = {name: getattr(found, name)[inside] for name in _OF_MODES}
-        return replace(found, **chosen, rigid=found.rigid[: inside[: len(found.rigid)].sum()])
+        chosen = {name: getattr(result, name)[inside] for name in _OF_MODES}
+        return replace(result, **chosen, rigid=result.rigid[: inside[: len(result.rigid)].sum()])
 
 
 @dataclass(frozen=True)
 class LinearBuckling(Procedure):
     """*BUCKLE: the ``count`` lowest factors of the step's loads."""
 
-    fresh: ClassVar[bool] = True
+    fresh = True
     count: int
 
     @classmethod
@@ -156,10 +101,26 @@ class LinearBuckling(Procedure):
         about = perturbation and len(before) > 0
         return "PERTURBATION with *BUCKLE; expected all loads in the step itself" * about
 
-    def solve(self, step: Step, reached: Reached) -> Buckling:
+    def solve(self, step: Step, analysis: Analysis) -> Buckling:
         """By linear theory."""
-        deck = reached.deck
-        return buckling(deck.model_of([step]), self.count, formulation=deck.formulation)
+        model, names = analysis.model_of([step]), analysis.formulation
+        return buckling(model, self.count, formulation=names, method=analysis.method)
+
+
+def equilibrium(step: Step, analysis: Analysis) -> Solution | None:
+    """About which a step is a perturbation: the last one, where large displacements would have come
+    to be if it is linear."""
+    state = last_static(analysis.steps[: step.number]) if step.perturbation else None
+    if state is None:
+        return None
+    found = converged(analysis.static[state.number], step)
+    if analysis.nonlinear:
+        return found
+    warm = None if state.temperature is None else state.temperature[None]
+    materials = [at_finite_strain(one) for one in analysis.materials]
+    model = analysis.model_of([state])
+    model = replace(model, materials=materials, temperature=warm, loads=state.followers())
+    return replace(found, model=model)
 
 
 def last_static(steps: Sequence[Step]) -> Step | None:
@@ -168,7 +129,7 @@ def last_static(steps: Sequence[Step]) -> Step | None:
     return found[-1] if found else None
 
 
-def settled(solution: Solution, step: Step) -> Solution:
+def converged(solution: Solution, step: Step) -> Solution:
     """A solution from which a step can go on. Raises NotConverged."""
     if not solution.converged:
         what = f"step {step.number}: the static analysis before it"

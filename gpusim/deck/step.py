@@ -2,20 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import ClassVar
 
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float
 from gpusim.deck.amplitudes import Amplitude
-from gpusim.fem import Equations, FollowerPressure
+from gpusim.deck.increments import Increments
+from gpusim.fem import (
+    Buckling,
+    Equations,
+    FollowerPressure,
+    HarmonicResponse,
+    History,
+    Material,
+    Model,
+    Modes,
+    Rayleigh,
+    Solution,
+)
 from gpusim.fem.model.damping import Damping
 from gpusim.field_summary import field_summary
 
-if TYPE_CHECKING:
-    from gpusim.deck.procedures import Procedure
+Result = Solution | Modes | Buckling | History | HarmonicResponse
+"""Of a step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +46,7 @@ class Step:
     of the ``path`` on the way to this one included; ``increments`` (K,) are the times of the load
     steps that are solved for, the end of the step the last of them.
 
-    In a linear deck the ``forces`` of pressures act on the body at rest; ``followers`` are these
+    In a linear deck the ``forces`` of pressures act on the body at rest; ``followers`` makes these
     pressures as perturbations of the state see them.
 
     ``procedure`` is what the step does. In one in which the body moves, what acts is the sum of the
@@ -57,7 +70,7 @@ class Step:
     constraints: tuple[Equations, ...]
     procedure: Procedure
     loads: tuple[FollowerPressure, ...] = ()
-    followers: tuple[FollowerPressure, ...] = ()
+    followers: Callable[[], tuple[FollowerPressure, ...]] = tuple
     path: tuple[Step, ...] = ()
     increments: Float = field(default_factory=lambda: np.zeros(0))
     motion: Motion | None = None
@@ -93,3 +106,49 @@ class Motion:
     def factors(self, at: Float) -> Float:
         """(T,L) of the cases."""
         return np.stack([course.at(at) for course in self.courses], axis=-1)
+
+
+@dataclass(frozen=True)
+class Procedure(ABC):
+    """What ``increments`` of time a step has, and what it does in them. In one that ``moves`` loads
+    are there from the beginning on; a ``fresh`` one has no loads but its own."""
+
+    moves: ClassVar[bool] = False
+    fresh: ClassVar[bool] = False
+    increments: Increments
+
+    @abstractmethod
+    def unfit(self, before: Sequence[Step], perturbation: bool) -> str:
+        """What speaks against it after the steps ``before``, if anything."""
+
+    def superposes(self, before: Sequence[Step]) -> Step | None:
+        """The step whose modes it superposes."""
+        return None
+
+    @abstractmethod
+    def solve(self, step: Step, analysis: Analysis) -> Result:
+        """The result of a step."""
+
+    def shown(self, result: Result) -> Result:
+        """What was asked for of it."""
+        return result
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis:
+    """A deck when a step's turn comes: results ``before`` it, the solutions of all ``static`` steps
+    by number; ``model_of`` steps that hold the same as load cases. Others: see `Deck`."""
+
+    path: str
+    steps: Sequence[Step]
+    materials: Sequence[Material]
+    formulation: Mapping[str, str]
+    nonlinear: bool
+    initial_motion: tuple[Float, Float]
+    damping: Rayleigh
+    loss_factor: float
+    model_of: Callable[[Sequence[Step]], Model]
+    tolerance: float
+    method: str
+    static: Mapping[int, Solution]
+    before: Sequence[Result]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -16,9 +16,10 @@ from gpusim.deck.forces import Forces, following_pressures, pressure_forces
 from gpusim.deck.increments import Increments, merged
 from gpusim.deck.initial_state import InitialMotion, InitialStress, temperature_forces
 from gpusim.deck.materials import Body
-from gpusim.deck.modal_dynamics import ModalDynamics, SteadyState, read_modal_damping
-from gpusim.deck.procedures import Frequency, LinearBuckling, Procedure, Static, last_static
-from gpusim.deck.step import Motion, Step
+from gpusim.deck.modal_dynamics import HarmonicDynamics, ModalDynamics, read_modal_damping
+from gpusim.deck.procedures import Frequency, LinearBuckling, Static, last_static
+from gpusim.deck.step import Motion, Procedure, Step
+from gpusim.fem import FollowerPressure
 from gpusim.fem.model.constraints import touched
 from gpusim.fem.model.damping import Damping
 from gpusim.mesh.formats.abaqus.cards import Card, number, whole
@@ -40,7 +41,7 @@ _PROCEDURES: dict[str, Callable[[Card, Card], Procedure]] = {
     "FREQUENCY": Frequency.read,
     "BUCKLE": LinearBuckling.read,
     "MODALDYNAMIC": ModalDynamics.read,
-    "STEADYSTATEDYNAMICS": SteadyState.read,
+    "STEADYSTATEDYNAMICS": HarmonicDynamics.read,
     "DYNAMIC": Dynamics.read,
 }
 
@@ -92,7 +93,7 @@ class History:
         def reader(card: Card) -> None:
             forces, case = self.forces, card.parameters.get("LOADCASE", "1")
             if case != "1":
-                harmonic = isinstance(self._inside(card).procedure, SteadyState)
+                harmonic = isinstance(self._inside(card).procedure, HarmonicDynamics)
                 expected = "1, or 2 in a step with *STEADY STATE DYNAMICS"
                 require(harmonic and case == "2", f"{card.where()}: LOAD CASE", case, expected)
                 forces = self.quadrature
@@ -123,7 +124,7 @@ class History:
         return self.amplitudes.scale(card, self._interval(procedure))
 
     def _interval(self, procedure: Procedure | None) -> Interval:
-        if isinstance(procedure, SteadyState):
+        if isinstance(procedure, HarmonicDynamics):
             # what amplitudes are over
             return Interval(len(self.steps) + 1, 0.0, procedure.greatest)
         increments = Increments() if procedure is None else procedure.increments
@@ -185,8 +186,7 @@ class History:
         if problem:
             card.fail(problem)
         # what a state is stressed by isn't there again for perturbations of it
-        again = any(one.perturbation and one.procedure.moves for one in self.steps)
-        if procedure.fresh or (step.perturbation and procedure.moves and not again):
+        if procedure.fresh or (step.perturbation and procedure.moves):
             self.forces.clear()
             self.quadrature.clear()
             if self.temperature is not None:
@@ -196,33 +196,27 @@ class History:
 
     def _unfit(self, step: _Open, procedure: Procedure) -> str:
         """What speaks against a procedure in this deck, if anything."""
-        body, about = self.body, step.perturbation
+        body, about, moves = self.body, step.perturbation, isinstance(procedure, Dynamics)
         spun = any(one.kind == "CENTRIF" for one in self.forces.bodies)
-        moves = isinstance(procedure, Dynamics)
-        problems = {
-            "PERTURBATION in the first step of a nonlinear deck": (
-                about and body.nonlinear and not self.steps
-            ),
-            "PERTURBATION about a state with CENTRIF, which changes as the body moves": (
-                about and spun
-            ),
-            "PERTURBATION about metal, of whose state only its stress is known": (
-                about and body.has_history
-            ),
-            "initial stress, which other steps than *STATIC don't know": (
-                bool(self.stress.values) and not isinstance(procedure, Static)
-            ),
-            f"motion before the first step ({self.motion.where}), which isn't *DYNAMIC": (
-                bool(self.motion.where) and not self.steps and not moves
-            ),
-            "BETA of *DAMPING at large displacements, where it would damp rotations": (
-                moves and body.nonlinear and body.damping.stiffness > 0.0
-            ),
-            "*BUCKLE at large displacements; expected linear statics": (
-                body.nonlinear and isinstance(procedure, LinearBuckling)
-            ),
-        }
-        return next((text for text, found in problems.items() if found), "")
+        ramp = step.card.parameters.get("AMPLITUDE", "").upper() == "RAMP"
+        stressed = bool(self.stress.values) and not isinstance(procedure, Static)
+        thrown = bool(self.motion.where) and not self.steps and not moves
+        problems = [
+            (about and body.nonlinear and not self.steps,
+             "PERTURBATION in the first step of a nonlinear deck"),
+            (about and spun, "PERTURBATION about a state with CENTRIF, which changes with motion"),
+            (about and body.has_history,
+             "PERTURBATION about metal, of whose state only its stress is known"),
+            (stressed, "initial stress, which other steps than *STATIC don't know"),
+            (thrown, f"motion before the first step ({self.motion.where}), which isn't *DYNAMIC"),
+            (moves and body.nonlinear and body.damping.stiffness > 0.0,
+             "BETA of *DAMPING at large displacements, where it would damp rotations"),
+            (procedure.moves and ramp,
+             "AMPLITUDE=RAMP of *STEP; expected loads that are there at once"),
+            (body.nonlinear and isinstance(procedure, LinearBuckling),
+             "*BUCKLE at large displacements; expected linear statics"),
+        ]  # fmt: skip
+        return next((text for found, text in problems if found), "")
 
     def _modal_damping(self, card: Card) -> None:
         self._inside(card)
@@ -231,7 +225,7 @@ class History:
     def _base_motion(self, card: Card) -> None:
         """All supports in a direction move alike, those in the others rest."""
         step = self._inside(card)
-        if not isinstance(step.procedure, ModalDynamics | SteadyState):
+        if not isinstance(step.procedure, ModalDynamics | HarmonicDynamics):
             card.fail("outside of modal superposition; expected *MODAL DYNAMIC or *STEADY STATE "
                       "DYNAMICS before it in the step")  # fmt: skip
         where, kind = card.where(), card.parameters.get("TYPE", "DISPLACEMENT").upper()
@@ -243,7 +237,7 @@ class History:
         require(not turned, f"{where}: supports", "some in turned axes", "none with *TRANSFORM")
         scale = self.amplitudes.scale(card, self._interval(step.procedure))
         if kind == "ACCELERATION":
-            swept = isinstance(step.procedure, SteadyState) and step.procedure.least > 0.0
+            swept = isinstance(step.procedure, HarmonicDynamics) and step.procedure.least > 0.0
             require(swept, f"{where}: TYPE", kind, "DISPLACEMENT but in steady states above 0 Hz")
             scale = self.amplitudes.integrated(scale)
         if card.keyword not in step.seen:
@@ -256,7 +250,7 @@ class History:
         self.open = None
         procedure = step.procedure
         if procedure is None:
-            step.card.fail("no procedure; expected *STATIC, or another one, in the step")
+            step.card.fail("no procedure; expected *STATIC in the step, or another one")
         interval, begin = self._interval(procedure), self.time
         self.time += procedure.increments.period
         on_the_way = self._on_the_way(procedure, interval)
@@ -268,10 +262,7 @@ class History:
         )
         motion = self._motion(step, interval) if procedure.moves else None
         of_motion = [] if motion is None else motion.cases
-        pulled = any(one.prescribed.any() for one in of_motion)
-        if pulled and (step.perturbation or isinstance(procedure, Dynamics)):
-            step.card.fail("displacements of supports; expected none with *DYNAMIC, nor about a "
-                           "stressed state")  # fmt: skip
+        self._refuse_pulled(step, of_motion)
         for one in (*path, state, *of_motion) if self.body.nonlinear else of_motion:
             if not one.held_as((*self.steps, *path, state)[0] if self.body.nonlinear else state):
                 step.card.fail(
@@ -290,21 +281,25 @@ class History:
             wanted = begin + increments.ends(step.card)
             wanted[-1] = self.time
         wanted = merged(on_the_way, wanted, increments.period)
-        self.steps.append(
-            replace(
-                state,
-                path=tuple(path),
-                increments=wanted,
-                motion=motion,
-                damping=self.damping,
-                perturbation=step.perturbation,
-            )
-        )
+        self.steps.append(replace(
+            state, path=tuple(path), increments=wanted, motion=motion, damping=self.damping,
+            perturbation=step.perturbation,
+        ))  # fmt: skip
         moment = Moment(self.amplitudes.factors(self.time))
         self.forces.end(moment)
         self.constraints.given.end(moment)
         if self.temperature is not None:
             self.temperature.end(moment)
+
+    def _refuse_pulled(self, step: _Open, cases: Sequence[Step]) -> None:
+        """What can't act where the body moves."""
+        turned = any(one.right.any() for case in cases for one in case.constraints)
+        pulled = turned or any(case.prescribed.any() for case in cases)
+        if pulled and (turned or step.perturbation or isinstance(step.procedure, Dynamics)):
+            step.card.fail("displacements of supports; expected none with *DYNAMIC, in turned axes "
+                           "or about a stressed state")  # fmt: skip
+        if any(case.temperature is not None and case.temperature.any() for case in cases):
+            step.card.fail("a changed temperature where the body moves; expected *STATIC")
 
     def _motion(self, step: _Open, interval: Interval) -> Motion:
         """What acts in it, sorted by what it follows."""
@@ -316,6 +311,11 @@ class History:
             for ahead, forces in ((False, self.forces), (True, self.quadrature))
         ]
         acting = [one for one in acting if not one[0].idle] or acting[:1]
+        modal = [one for one in self.steps if isinstance(one.procedure, ModalDynamics)]
+        if modal and isinstance(step.procedure, ModalDynamics):
+            if any(course.number and not course.step for _, course, _ in acting):
+                step.card.fail("an amplitude over total time in a second step with *MODAL DYNAMIC, "
+                               "where programs differ; expected one over its own time")  # fmt: skip
         return Motion(interval.begin, *zip(*acting, strict=True))
 
     def _on_the_way(self, procedure: Procedure, interval: Interval) -> Float:
@@ -343,7 +343,9 @@ class History:
         if self.temperature is not None and not alone:
             change = self.temperature.at(moment) - moment.factors[0] * self.initial
         forces, pressed = own.nodal_forces(moment), own.pressed(moment)
-        followers = () if pressed is None else following_pressures(self.body, *pressed)
+        followers: Callable[[], tuple[FollowerPressure, ...]] = tuple
+        if pressed is not None:
+            followers = partial(following_pressures, self.body, *pressed)
         if pressed is not None and not self.body.nonlinear:
             forces += pressure_forces(self.body, *pressed)
         for one in own.body_forces(moment):
@@ -362,6 +364,6 @@ class History:
             temperature=change,
             constraints=constraints,
             procedure=step.procedure,
-            loads=followers if self.body.nonlinear else (),
+            loads=followers() if self.body.nonlinear else (),
             followers=followers,
         )

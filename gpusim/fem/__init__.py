@@ -16,11 +16,19 @@ In the order in which data passes:
 - `krylov`: Krylov iterations, and what is known of their error.
 - `linear`: Linear solvers: prepared for a matrix, solved with, updated.
 - `procedures`: What is solved step by step with them: statics, linear and nonlinear.
+- `eigenvalues`: Natural frequencies and mode shapes, and loads at which bodies buckle.
+- `dynamics`: What a body does in time, and in steady vibration.
 - `recovery`: What follows from displacements: stress.
 """
 
 from __future__ import annotations
 
+from gpusim.fem.dynamics.frequency_response import frequency_response
+from gpusim.fem.dynamics.harmonic import harmonic
+from gpusim.fem.dynamics.random_response import RandomResponse, random_response
+from gpusim.fem.dynamics.transient import transient
+from gpusim.fem.eigenvalues.buckling import buckling
+from gpusim.fem.eigenvalues.modes import modes
 from gpusim.fem.linear.solve_plan import METHODS
 from gpusim.fem.materials.hardening import Voce
 from gpusim.fem.materials.hencky import Hencky
@@ -53,13 +61,7 @@ from gpusim.fem.model.record import Record, read_record
 from gpusim.fem.model.solution import LoadStep, Solution
 from gpusim.fem.model.supports import symmetry
 from gpusim.fem.model.thermal_loads import thermal
-from gpusim.fem.procedures.buckling import buckling
-from gpusim.fem.procedures.frequency_response import frequency_response
-from gpusim.fem.procedures.harmonic import harmonic
-from gpusim.fem.procedures.modes import modes
-from gpusim.fem.procedures.random_response import RandomResponse, random_response
 from gpusim.fem.procedures.statics import solve
-from gpusim.fem.procedures.transient import transient
 from gpusim.fem.recovery.stress import Stress, principal, stress, von_mises
 
 __all__ = [

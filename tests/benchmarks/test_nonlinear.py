@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.nonlinear.__main__ import _markdown
+from benchmarks.nonlinear.__main__ import markdown
 from benchmarks.nonlinear.accuracy import HEADINGS, Row, measured
 from benchmarks.nonlinear.calculix import _deck, calculix
 from benchmarks.nonlinear.speed import bent_cantilever, waisted_plate
@@ -34,7 +34,7 @@ def test_a_row_says_what_was_measured() -> None:
 def test_a_case_without_an_answer_has_its_row() -> None:
     row = measured(Row("hex8 10x1x1", lambda: coarse(1e9), 0.02))
     assert len(row) == len(HEADINGS) and "load step 1 of 1" in row[9]
-    assert len(list(_markdown(HEADINGS, [row]))) == 3
+    assert len(list(markdown(HEADINGS, [row]))) == 3
 
 
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX isn't installed")

@@ -113,11 +113,11 @@ def test_numbers_that_overflow_end_in_one_message(tmp_path: Path) -> None:
 
 
 def test_a_refused_deck_ends_with_2_and_a_report(tmp_path: Path) -> None:
-    result, out = solved(tmp_path, TEXT.replace("*STATIC", "*DYNAMIC", 1))
+    result, out = solved(tmp_path, TEXT.replace("*STATIC", "*VISCO", 1))
     assert result.exit_code == 2
-    assert "*DYNAMIC: not supported" in result.stderr
+    assert "*VISCO: not supported" in result.stderr
     report = report_of(out)
-    assert report["status"] == "failed" and "*DYNAMIC" in report["error"]
+    assert report["status"] == "failed" and "*VISCO" in report["error"]
     assert [path.name for path in out.iterdir()] == ["report.json"]
 
 

@@ -16,7 +16,8 @@ APART = {"api", "benchmarks", "docs", "hostile", "repository", "support", "verif
 CONCEPTS = {
     "cli": "calibrate commands dic dic_cameras solve",
     "deck": "calculix duplicate_definitions elements moose refusals",
-    "fem": "calculix silent_failures stability_failures stability_large stability_solver",
+    "fem": "calculix silent_failures stability_failures stability_large stability_solver "
+    "stability_vibration",
     "fem/sparse": "scipy_kernels",
     "field": "run",
     "files": "picture_kinds",

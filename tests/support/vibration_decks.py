@@ -95,6 +95,16 @@ def _modal() -> str:
     return written(_BRICKS, STEEL, steps, "", [*HAMMER, *CLAMPED])
 
 
+def _modal_let_go() -> str:
+    """Bent by a force, which is taken away."""
+    steps = [
+        modes(),
+        step("*STATIC", *along(_BRICKS, 5.0, 2), printed=()),
+        step("*MODAL DYNAMIC", "4.E-6, 4.E-5", *along(_BRICKS, 0.0, 2, ", OP=NEW")),
+    ]
+    return written(_BRICKS, STEEL, steps, "", CLAMPED)
+
+
 def _steady(*cards: str) -> str:
     return _superposed("*STEADY STATE DYNAMICS", "10000., 30000., 4, 2.", *cards)
 
@@ -161,6 +171,7 @@ DECKS: dict[str, Callable[[], str]] = {
     "buckled_c3d8": lambda: _buckled(_BRICKS, "C3D8"),
     "buckled_c3d20r": lambda: _buckled(_ROWS, "C3D20R"),
     "modal": _modal,
+    "modal_let_go": _modal_let_go,
     "steady_rayleigh": lambda: _steady(
         "*MODAL DAMPING, RAYLEIGH", ",, 3000., 2.E-7", *along(_BRICKS, -1.0, 2)
     ),

@@ -33,6 +33,7 @@ from gpusim.fem.model.elimination import Elimination, eliminate
 from gpusim.fem.model.mass import ElementMass, check_densities, scalar_mass
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.solution import Solution
+from gpusim.fem.model.supports import rigid_modes
 from gpusim.fem.sparse.block_rows import block_matrix
 from gpusim.validation import require
 
@@ -118,6 +119,8 @@ class EquationOfMotion:
     def scalar_product(self, matrix: csr_matrix, x: Float) -> Float:
         """(L,3N) what a ``matrix`` (N,N), in the numbers inside and the same for the three
         directions, makes of x (L,3N)."""
+        if not len(x):
+            return x
         u = x.reshape(len(x), -1, 3)
         moved = u if self._elimination is None else self._elimination.displacements(u)
         return self._forces(Shift(self.element_mass, matrix, 1.0).forces(moved))
@@ -145,6 +148,15 @@ class EquationOfMotion:
         """What M a does to x: (L,3N), of accelerations a (L,N,3) of all nodes, in the model's own
         numbers; those that are held still move as well."""
         return self._forces(self.shift(1.0).forces(self.inside(a)))
+
+    def base_motions(self) -> tuple[Float, Float, Float]:
+        """The centre of mass (3,), masses and moments of inertia about it (6,), and what M r does
+        to x: (6,3N), of translations and rotations r of all nodes about the centre."""
+        weights = np.asarray(self.mass.sum(axis=1)).ravel()
+        centre = weights @ self.points / weights.sum()
+        base = np.moveaxis(rigid_modes(self.points, centre, 1.0), 2, 0)
+        forces = self.shift(1.0).forces(base)
+        return centre, np.einsum("kni,kni->k", base, forces), self._forces(forces)
 
     @property
     def matrices(self) -> tuple[csr_matrix, csr_matrix]:

@@ -17,8 +17,8 @@ class Buckling:
     factors : (n,) times the load, the lowest positive ones first; fewer than asked for where there
         are no more.
     shapes : (n,N,3), each with a greatest displacement of 1.
-    reversed_factor : (negative) at which the load the other way around buckles the body, or before;
-        -inf where it doesn't.
+    reversed_factor : negative: the load the other way around buckles the body at this factor or
+        before; -inf where it doesn't.
     error_estimate : (n,) estimated relative error of the factors as the mesh has them.
     converged : no estimate is above the tolerance asked for.
     solution : linear statics under the load itself.

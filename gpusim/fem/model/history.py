@@ -20,7 +20,7 @@ from gpusim.parallel.machine import host_memory
 from gpusim.validation import require
 
 if TYPE_CHECKING:
-    from gpusim.fem.procedures.modal_superposition import ModalMotion
+    from gpusim.fem.dynamics.modal_superposition import ModalMotion
 
 # of the free memory, that arrays of a history may take
 _SHARE = 0.5
@@ -103,7 +103,7 @@ class History:
         all).
     energy : see `gpusim.fem.EnergyHistory`.
     modal : of modal superposition: the motion at any instant, exactly
-        (`gpusim.fem.procedures.modal_superposition.ModalMotion`); None of steps.
+        (`gpusim.fem.dynamics.modal_superposition.ModalMotion`); None of steps.
     method : "modal", "newmark", "hht" or "generalized-alpha". message : how it was computed.
     warnings : what a reader should know. timings : seconds per part. model : what moved.
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from gpusim import fem
 from gpusim.arrays.array_types import Float
+from gpusim.fem.dynamics.modal_superposition import ModalMotion
 from gpusim.fem.model.history import ENERGIES
-from gpusim.fem.procedures.modal_superposition import ModalMotion
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult

@@ -12,11 +12,11 @@ from scipy.linalg import solve
 
 import gpusim as gs
 from gpusim.errors import NotConverged
+from gpusim.fem.dynamics.initial_value_problem import InitialValueProblem
+from gpusim.fem.dynamics.time_integration import METHODS, LinearMotion, Scheme
 from gpusim.fem.linear.solve_plan import Clock, Options
 from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.model.record import Record
-from gpusim.fem.procedures.initial_value_problem import InitialValueProblem
-from gpusim.fem.procedures.time_integration import METHODS, LinearMotion, Scheme
 from tests.support.vibrating_bar import (
     dense_modes,
     greatest,

@@ -8,7 +8,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.fem import RandomResponse
-from tests.fem.procedures.test_harmonic import deep_beam
+from tests.fem.dynamics.test_harmonic import deep_beam
 
 BAR = gs.mesh.box(size=(1.0, 0.1, 0.12), divisions=(5, 1, 1))
 HELD = np.isclose(BAR.points[:, :1], 0.0).repeat(3, axis=1)

@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Complex
+from gpusim.fem.dynamics.forced_vibration import ForcedVibration
+from gpusim.fem.dynamics.harmonic import steady_response
 from gpusim.fem.model.damping import Damping
 from gpusim.fem.model.model import Model
-from gpusim.fem.procedures.forced_vibration import ForcedVibration
-from gpusim.fem.procedures.harmonic import steady_response
 from gpusim.mesh import Mesh
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import checked, finite_numbers, is_number, one_of, require

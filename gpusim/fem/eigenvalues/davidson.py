@@ -32,17 +32,22 @@ _GUARDS, _GUARD_ERROR = 2, 0.1
 _CLUSTER = 1e-2
 # eta^2 / gap has been 0.7 of the true error once, among a hundred runs
 _SAFETY = 3.0
+# what the last correction, which isn't in eta, takes off vectors' angles at least
+_CORRECTED = 2.0
 # a second start of so many random vectors, and steps of inverse iteration of these
-_FRESH, _LOOKS = 2, 4
+_FRESH, _LOOKS = 2, 6
 # rows whose share that isn't in the others' span is less, squared
 _DEPENDENT = 1e-12
+# share of a row's energy outside of the basis up to which that is rounding: exact corrections have
+# none in it
+_NOTHING_NEW = 1e-8
 # passes at most; least eigenvalue of unit rows' products from which on they are made orthonormal
 # without loss, and shares of the basis' rows in them that once more takes off
 _PASSES, _WELL, _APART = 4, 1e-3, 1e-8
 # steps after which it won't get there
 _STEPS, _STEPS_OF_EACH = 60, 8
-# of values: less is no motion of them; of residuals: less is none
-_ROUNDING, _NOTHING = 1e-9, 1e-12
+# of values: less is no motion of them
+_ROUNDING = 1e-9
 # of the energy that a motion and its forces could have: less than none is no rounding
 _INDEFINITE = -1e-8
 
@@ -89,12 +94,12 @@ class Eigenpairs:
 
 
 class _Basis:
-    """Rows orthonormal in A, the known ones first, with what A and B make of them."""
+    """Rows orthonormal in A, the known ones first, and A times them."""
 
     def __init__(self, pencil: Pencil, most: int) -> None:
         self._pencil, self._known = pencil, len(pencil.known)
         shape = self._known + most, len(pencil.unknown)
-        self._rows, self._energy, self._inertia = (np.empty(shape) for _ in range(3))
+        self._rows, self._energy = np.empty(shape), np.empty(shape)
         self._products = np.zeros((most, most))
         self._size = self._known
         if self._known:
@@ -111,35 +116,32 @@ class _Basis:
         values, vectors = np.linalg.eigh(0.5 * (products + products.T))
         return values[::-1], vectors[:, ::-1].T
 
-    def combined(self, shares: Float) -> tuple[Float, Float, Float]:
-        """Vectors of ``shares`` (k,m), and what A and B make of them."""
+    def combined(self, shares: Float) -> tuple[Float, Float]:
+        """Vectors of ``shares`` (k,m), and A times them."""
         own = slice(self._known, self._size)
-        return shares @ self._rows[own], shares @ self._energy[own], shares @ self._inertia[own]
+        return shares @ self._rows[own], shares @ self._energy[own]
 
     def last(self, count: int) -> Float:
-        """B times the rows that came last."""
-        return self._inertia[self._size - count : self._size]
+        """The rows that came last."""
+        return self._rows[self._size - count : self._size]
 
     def restart(self, values: Float, shares: Float) -> None:
         """Keep these Ritz vectors alone."""
-        rows, energy, inertia = self.combined(shares)
+        rows, energy = self.combined(shares)
         self._size = self._known + len(values)
-        own = slice(self._known, self._size)
-        self._rows[own], self._energy[own], self._inertia[own] = rows, energy, inertia
+        self._rows[self._known : self._size] = rows
+        self._energy[self._known : self._size] = energy
         self._products[: len(values), : len(values)] = np.diag(values)
 
     def extend(self, new: Float) -> int:
         """Add what is new in rows ``new``; how many that were."""
         new, image = self._orthonormal(new)
-        if not len(new):
-            return 0
-        part = slice(self._size, self._size + len(new))
-        self._rows[part], self._energy[part] = new, image
-        self._inertia[part] = inertia = self._pencil.inertia(new)
-        before, self._size = self._size - self._known, part.stop
-        across = self._rows[self._known : self._size] @ inertia.T
-        self._products[: len(across), before : len(across)] = across
-        self._products[before : len(across), : len(across)] = across.T
+        before, self._size = self._size, self._size + len(new)
+        self._rows[before : self._size], self._energy[before : self._size] = new, image
+        across = self._rows[self._known : self._size] @ self._pencil.inertia(new).T
+        own = slice(before - self._known, len(across))
+        self._products[: len(across), own] = across
+        self._products[own, : len(across)] = across.T
         return len(new)
 
     def _orthonormal(self, new: Float) -> tuple[Float, Float]:
@@ -151,6 +153,10 @@ class _Basis:
             new = new - shares @ rows
             # what is taken off unit rows is rounding: it needs no product
             image = image - shares @ energy if well else self._pencil.energy(new)
+            if not number:
+                taken = np.einsum("ij,ij->i", shares, shares)
+                stale = np.abs(np.einsum("ij,ij->i", new, image)) <= _NOTHING_NEW * taken
+                new, image = new[~stale], image[~stale]
             gram = new @ image.T
             _require_definite(new, image, gram.diagonal())
             size = 1.0 / np.sqrt(np.maximum(gram.diagonal(), 1e-300))
@@ -184,6 +190,7 @@ class _Errors:
     def __init__(self, count: int, guards: int, tolerance: float) -> None:
         self._count, self._tolerance = count, tolerance
         self.eta, self._values = np.full(count + guards, np.inf), np.zeros(count + guards)
+        self._settled = np.zeros(count + guards, dtype=bool)
 
     def open(self, values: Float, negligible: float) -> Long:
         """Those of the Ritz ``values`` (m,) that aren't good enough yet."""
@@ -193,17 +200,21 @@ class _Errors:
         moved = np.abs(ritz - self._values[here])
         same = moved <= np.maximum(self.eta[here], _ROUNDING) * np.abs(ritz)
         self.eta[here][~same] = np.inf
+        self._settled[here] &= same
         gap = gaps(values, len(ritz))
-        aims = np.sqrt(self._tolerance * np.minimum(0.5 * gap**2, gap / _SAFETY))
+        aims = np.sqrt(self._tolerance * np.minimum((_CORRECTED * gap) ** 2, gap / _SAFETY))
         wanted = np.arange(len(ritz)) < self._count
         good = self.eta[here] <= np.where(wanted, aims, _GUARD_ERROR)
+        good |= self._settled[here]
         return np.flatnonzero(~good & (ritz > negligible * np.abs(values).max()))
+
+    def settle(self, which: Long) -> None:
+        """Rounding hides what is left of the error of ``which`` values."""
+        self._settled[which] = True
 
     def tell(self, which: Long, values: Float, squares: Float) -> None:
         """Residual times correction of ``which`` values (m,)."""
-        relative = squares / values**2
-        known = relative > -(_NOTHING**2)
-        self.eta[which] = np.sqrt(np.where(known, np.maximum(relative, 0.0), np.inf))
+        self.eta[which] = np.sqrt(np.where(squares >= 0.0, squares, np.inf)) / np.abs(values)
         self._values[which] = values
 
 
@@ -227,19 +238,22 @@ def davidson(
     added, looks, limit = basis.extend(start), 0, _STEPS + _STEPS_OF_EACH * wanted
     for step in range(limit):
         values, shares = basis.ritz()
+        if len(values) + len(pencil.known) == pencil.size:
+            errors.tell(np.arange(wanted), values[:wanted], np.zeros(wanted))
+            break
         todo = errors.open(values, pencil.negligible)[:block]
         if len(todo):
-            _, energy, inertia = basis.combined(shares[todo])
-            residual = inertia - values[todo, None] * energy
+            vectors, energy = basis.combined(shares[todo])
+            residual = pencil.inertia(vectors) - values[todo, None] * energy
             new = pencil.solve(residual)
             squares = np.einsum("ij,ij->i", residual, new) / pencil.weakest
             errors.tell(todo, values[todo], squares)
-            new = new[np.isin(todo, errors.open(values, pencil.negligible))]
         elif len(values) < wanted:
             new = pencil.random(block, step + 1)
         elif looks < _LOOKS:
             # what was missed isn't in the basis: inverse iteration beside it brings it up
-            new = pencil.solve(basis.last(added)) if looks else pencil.random(_FRESH, step + 1)
+            forces = pencil.inertia(basis.last(added))
+            new = pencil.solve(forces) if looks else pencil.random(_FRESH, step + 1)
             looks += 1
         else:
             break
@@ -250,9 +264,11 @@ def davidson(
             basis.restart(values[:keep], shares[:keep])
         if len(new):
             added = basis.extend(new)
-            if not added:
-                # nothing is left to be found, or rounding hides it
+            if not added and not len(todo):
+                # nothing is left to be found
                 break
+            if not added:
+                errors.settle(todo)
     values, shares = basis.ritz()
     found, eta = slice(min(count, len(values))), errors.eta[:count]
     missing = errors.open(values, pencil.negligible)

@@ -18,18 +18,18 @@ from scipy.sparse.linalg import splu
 
 from gpusim.arrays.array_types import Complex, Float
 from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
+from gpusim.fem.dynamics.forced_vibration import (
+    ForcedVibration,
+    checked_frequencies,
+    complex_numbers,
+)
+from gpusim.fem.dynamics.modal_basis import RESOLVED
 from gpusim.fem.model.damping import DAMPINGS, Damping, Rayleigh, StructuralDamping
 from gpusim.fem.model.harmonic_response import HarmonicResponse
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.modes import Modes
 from gpusim.fem.model.solution import Solution
 from gpusim.fem.model.supports import check_supports
-from gpusim.fem.procedures.forced_vibration import (
-    ForcedVibration,
-    checked_frequencies,
-    complex_numbers,
-)
-from gpusim.fem.procedures.modal_basis import RESOLVED
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import checked, one_of, require
 

@@ -306,6 +306,6 @@ def test_what_is_refused() -> None:
 
 
 def test_large_models_are_refused_directly(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gpusim.fem.procedures.harmonic._MOST_DIRECT", 59)
+    monkeypatch.setattr("gpusim.fem.dynamics.harmonic._MOST_DIRECT", 59)
     with pytest.raises(InputError, match=r"60 unknowns; expected at most 59.*'modal'"):
         gs.harmonic(shaken(), [10.0], method="direct")

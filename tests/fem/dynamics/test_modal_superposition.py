@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import gpusim as gs
-from gpusim.fem.procedures.modal_superposition import ModalCoordinates, Oscillators
+from gpusim.fem.dynamics.modal_superposition import ModalCoordinates, Oscillators
 from tests.support.vibrating_bar import dense_modes, greatest, step_response, vibrating_bar
 
 Float = npt.NDArray[np.float64]

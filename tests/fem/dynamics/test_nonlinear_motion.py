@@ -10,11 +10,11 @@ from scipy.integrate import solve_ivp
 
 import gpusim as gs
 from gpusim.errors import InputError, NotConverged
+from gpusim.fem.dynamics.initial_value_problem import InitialValueProblem
+from gpusim.fem.dynamics.nonlinear_motion import NonlinearMotion
+from gpusim.fem.dynamics.time_integration import LinearMotion, Scheme
 from gpusim.fem.linear.solve_plan import Clock, Options
 from gpusim.fem.model.model import resolve_formulation
-from gpusim.fem.procedures.initial_value_problem import InitialValueProblem
-from gpusim.fem.procedures.nonlinear_motion import NonlinearMotion
-from gpusim.fem.procedures.time_integration import LinearMotion, Scheme
 from tests.support.vibrating_bar import greatest, matrices, vibrating_bar
 
 Float = npt.NDArray[np.float64]

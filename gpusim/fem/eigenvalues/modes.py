@@ -8,18 +8,18 @@ from typing import Annotated
 
 import numpy as np
 
-from gpusim.arrays.array_types import Bool, Float
+from gpusim.arrays.array_types import Float
+from gpusim.errors import NotConverged
 from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
+from gpusim.fem.eigenvalues.davidson import Pencil, davidson
+from gpusim.fem.eigenvalues.rayleigh_quotients import AIM, rayleigh_ritz, sharpened
+from gpusim.fem.eigenvalues.rigid_body_modes import RigidBodyModes, rigid_body_modes
 from gpusim.fem.linear.shifted_solver import definite_solver
 from gpusim.fem.linear.solve_plan import METHODS, Clock, Options
 from gpusim.fem.model.mass import MASS_RULES
 from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.model.modes import Modes
 from gpusim.fem.model.solution import Solution
-from gpusim.fem.model.supports import rigid_modes
-from gpusim.fem.procedures.davidson import Pencil, davidson
-from gpusim.fem.procedures.rayleigh_quotients import AIM, rayleigh_ritz, sharpened
-from gpusim.fem.procedures.rigid_body_modes import RigidBodyModes, rigid_body_modes
 from gpusim.fem.procedures.statics import Tolerance
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.parallel.machine import host_memory, keep_freed_memory
@@ -29,11 +29,11 @@ from gpusim.validation import Count, checked, finite_numbers, one_of, require
 _MOST = 1000
 # share of the free memory that the basis of the iteration may take
 _MEMORY = 0.5
+# of the greatest 1 / lambda: less belongs to motions without mass
+_MASSLESS = 1e-15
 # rows to begin with; times that a shift is brought nearer to the lowest elastic value, and of that
 # the multiple beyond which modes are hard to tell apart
 _START, _SHIFTS, _FAR = 8, 6, 2.0
-# relative error beyond which a frequency is none
-_SOFT = 0.1
 
 
 @checked
@@ -89,39 +89,45 @@ def modes(
     require(isinstance(model, Model), "modes model", type(model).__name__, "a Model")
     called = progress is None or callable(progress)
     require(called, "modes progress", repr(progress), "a function, or None")
-    if prestress is not None:
-        expected = "a Solution of this model"
-        require(prestress.model is model, "modes prestress", "one of another model", expected)
-    limits = None
-    if band is not None:
-        expected = "(low, high) in Hz, 0 <= low < high"
-        limits = finite_numbers(band, "modes: band", [(2,)], expected)
-        require(bool(0.0 <= limits[0] < limits[1]), "modes: band", band, expected)
+    limits = None if band is None else _limits(band)
     keep_freed_memory()
     names, clock = resolve_formulation(model, formulation), Clock()
     options = Options(method, None, "numpy", tolerance, None, None, progress, names, clock)
     with one_blas_thread():
-        if prestress is None:
-            equation = EquationOfMotion.of(model, names, mass)
-        else:
-            equation = EquationOfMotion.at(prestress, names, mass)
+        equation = _equation(model, names, mass, prestress)
         clock.mark("assembly")
         rigid = rigid_body_modes(equation)
         unknowns = int(equation.unknown.sum())
         most = int(count) if limits is None else min(int(count), unknowns)
         require(most <= unknowns, "modes: count", count, f"at most {unknowns}, the unknowns")
-        search = _Search(equation, rigid, options)
+        try:
+            search = _Search(equation, rigid, options)
+        except NotConverged as error:
+            if prestress is None:
+                raise
+            raise NotConverged(f"modes: the prestressed body isn't stable there: {error}") from None
         found = search.lowest(most - len(rigid.names))
         if limits is not None:
             found = search.up_to((2.0 * np.pi * limits[1]) ** 2, found)
-        points = model.mesh.points
-        if prestress is not None:
-            points = points + (prestress.u if prestress.u.ndim == 2 else prestress.u.sum(axis=0))
-        result = _result(search, found, points)
-    frequencies = result.frequencies
-    if limits is None:
-        return _chosen(result, np.arange(len(frequencies)) < count)
-    return _chosen(result, (frequencies >= limits[0]) & (frequencies <= limits[1]))
+        return _result(search, found, limits, int(count))
+
+
+def _limits(band: tuple[float, float]) -> Float:
+    expected = "(low, high) in Hz, 0 <= low < high"
+    limits = finite_numbers(band, "modes: band", [(2,)], expected)
+    require(bool(0.0 <= limits[0] < limits[1]), "modes: band", band, expected)
+    return limits
+
+
+def _equation(
+    model: Model, formulation: Mapping[str, str], mass: str, prestress: Solution | None
+) -> EquationOfMotion:
+    if prestress is None:
+        return EquationOfMotion.of(model, formulation, mass)
+    own = isinstance(prestress, Solution) and prestress.model is model
+    got, expected = type(prestress).__name__, "a Solution of this model"
+    require(own, "modes prestress", got, expected)
+    return EquationOfMotion.at(prestress, formulation, mass)
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +179,7 @@ class _Search:
         if count <= 0:
             none = np.zeros(0)
             return _Elastic(none, np.zeros((0, len(self.equation.unknown))), none, True, 0)
-        need = 24 * (2 * count + 40) * len(self.equation.unknown)
+        need = 16 * (2 * count + 40) * len(self.equation.unknown)
         expected = f"at most {_MEMORY:.0%} of the free memory: fewer modes, or a narrower band"
         fits = need <= _MEMORY * host_memory()
         require(fits, f"modes: {count} modes need", f"{need / 1e9:.1f} GB", expected)
@@ -181,7 +187,13 @@ class _Search:
         aim = 2.0 * self.options.tolerance / (1.0 + _FAR if self.shift else 1.0)
         pairs = davidson(self._pencil, count, AIM * aim, self._start, self.options.progress)
         self._start = pairs.vectors
+        if not pairs.converged and self.options.method == "auto" and self.solver.may_be_exact:
+            self.options = replace(self.options, method="direct")
+            self._prepare()
+            return self.lowest(count)
         mu, rows, rounding = sharpened(self.equation, self.equation.inertia, pairs.vectors, aim)
+        having = int((mu > max(_MASSLESS * mu[0], 1e-300)).sum())
+        require(having == count, "modes: count", count, f"at most {having} that have mass")
         error = 0.5 * (pairs.error * mu / pairs.values + rounding)
         return _Elastic(1.0 / mu, rows / np.sqrt(mu[:, None]), error, pairs.converged, pairs.steps)
 
@@ -212,28 +224,20 @@ def _least_count(equation: EquationOfMotion, value: float) -> float:
     return min(float(waves) / 3.0, float(equation.unknown.sum()))
 
 
-def _chosen(modes: Modes, which: Bool) -> Modes:
-    """Those ``which`` (n,) are wanted."""
-    per_mode = ("frequencies", "shapes", "participation", "effective_mass", "error_estimate")
-    return replace(
-        modes,
-        **{name: getattr(modes, name)[which] for name in per_mode},
-        rigid=tuple(name for name, one in zip(modes.rigid, which, strict=False) if one),
-    )
-
-
-def _result(search: _Search, found: _Elastic, points: Float) -> Modes:
-    """In the model's units, with what motions of its supports say, whose nodes are at ``points``
-    (N,3)."""
+def _result(search: _Search, found: _Elastic, limits: Float | None, count: int) -> Modes:
+    """In the model's units, with what motions of its supports say: modes within ``limits`` (2,) Hz,
+    or the first ``count``."""
     equation, options, names = search.equation, search.options, search.rigid.names
-    frequencies = np.sqrt(np.maximum(found.values, 0.0)) / (2.0 * np.pi)
-    frequencies = np.concatenate([np.zeros(len(names)), frequencies])
-    error = np.concatenate([np.zeros(len(names)), found.error])
-    x = np.concatenate([search.rigid.rows, found.rows]) / np.sqrt(equation.scale)
+    still = np.zeros(len(names))
+    frequencies = np.concatenate([still, np.sqrt(found.values) / (2.0 * np.pi)])
+    chosen = np.arange(len(frequencies)) < count
+    if limits is not None:
+        chosen = (frequencies >= limits[0]) & (frequencies <= limits[1])
+    frequencies, error = frequencies[chosen], np.concatenate([still, found.error])[chosen]
+    x = np.concatenate([search.rigid.rows, found.rows])[chosen] / np.sqrt(equation.scale)
     x *= np.sign(np.take_along_axis(x, np.abs(x).argmax(axis=1)[:, None], axis=1))
-    centre, total = _inertia(equation)
-    base = np.moveaxis(rigid_modes(points, centre, 1.0), 2, 0)
-    participation = equation.scale * x @ equation.inertia_forces(base).T
+    centre, total, base = equation.base_motions()
+    participation = equation.scale * x @ base.T
     worst = float(error.max(initial=0.0))
     converged = found.settled and worst <= options.tolerance
     message = f"estimated errors of up to {worst:.1e} after {found.steps} steps"
@@ -247,32 +251,13 @@ def _result(search: _Search, found: _Elastic, points: Float) -> Modes:
         centre=centre,
         error_estimate=error,
         converged=converged,
-        rigid=names,
+        rigid=tuple(np.array(names)[chosen[: len(names)]].tolist()),
         unknowns=int(equation.unknown.sum()),
         steps=found.steps,
         message="converged" if converged else message,
-        warnings=_warnings(error),
+        warnings=(),
         timings=options.clock.timings,
         method="direct" if search.solver.exact else "multigrid",
         reasons=search.solver.plan.lines,
         model=equation.model,
-    )
-
-
-def _inertia(equation: EquationOfMotion) -> tuple[Float, Float]:
-    """Centre of mass (3,), and masses and moments of inertia about it (6,)."""
-    weights = np.asarray(equation.mass.sum(axis=1)).ravel()
-    centre = weights @ equation.points / weights.sum()
-    base = rigid_modes(equation.points, centre, 1.0)
-    moved = (equation.mass @ base.reshape(len(base), -1)).reshape(base.shape)
-    return centre, np.einsum("nak,nak->k", base, moved)
-
-
-def _warnings(error: Float) -> tuple[str, ...]:
-    soft = int((error > _SOFT).sum())
-    if not soft:
-        return ()
-    return (
-        f"{soft} modes have next to no stiffness beside the body's own rounding, and are no rigid "
-        "motions ('reduced' elements leave some; so do parts that hardly hold together)",
     )

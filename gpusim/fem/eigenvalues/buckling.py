@@ -11,13 +11,13 @@ from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
 from gpusim.fem.assembly.geometric_stiffness import geometric_stiffness
+from gpusim.fem.eigenvalues.davidson import Pencil, davidson
+from gpusim.fem.eigenvalues.rayleigh_quotients import AIM, sharpened
 from gpusim.fem.linear.shifted_solver import definite_solver
 from gpusim.fem.linear.solve_plan import METHODS, Clock, Options
 from gpusim.fem.model.buckling import Buckling
 from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.model.solution import Solution
-from gpusim.fem.procedures.davidson import Pencil, davidson
-from gpusim.fem.procedures.rayleigh_quotients import AIM, sharpened
 from gpusim.fem.procedures.statics import Tolerance, solve
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import Count, checked, one_of, require
@@ -93,8 +93,10 @@ def buckling(
 
 def _found(model: Model, solution: Solution, count: int, options: Options) -> Buckling:
     equation = EquationOfMotion.without_mass(model, options.formulation)
-    u = equation.inside(solution.u.reshape(1, -1, 3))[0]
-    stress = geometric_stiffness(equation.element_mass.model, options.formulation, u)
+    stress = geometric_stiffness(model, options.formulation, solution.u.reshape(-1, 3))
+    order = equation.inside(np.arange(solution.u.size, dtype=np.float64).reshape(1, -1, 3))
+    inside = order[0, :, 0].astype(np.int64) // 3
+    stress = stress[inside][:, inside]
     require(bool(abs(stress).max() > 0.0), "buckling: load", "no stress", "a load")
     solver = definite_solver(equation, 0.0, options)
     options.clock.mark("assembly")

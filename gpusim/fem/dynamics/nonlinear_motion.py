@@ -18,15 +18,15 @@ from gpusim.fem.assembly.element_batches import Elements, portions
 from gpusim.fem.assembly.element_responses import element_responses
 from gpusim.fem.assembly.equation import Equation, Tangent
 from gpusim.fem.assembly.shifted_system import Shift, shifted_elements, with_row_sums
+from gpusim.fem.dynamics.initial_value_problem import InitialValueProblem
+from gpusim.fem.dynamics.time_integration import LinearMotion, Scheme, predicted
 from gpusim.fem.elements.element_response import Internal, Want
 from gpusim.fem.linear.solve_plan import Options
 from gpusim.fem.linear.tangent_solver import TangentSolver
 from gpusim.fem.model.damping import Rayleigh
 from gpusim.fem.model.history import State
 from gpusim.fem.model.mass import ElementMass, scalar_mass
-from gpusim.fem.procedures.initial_value_problem import InitialValueProblem
 from gpusim.fem.procedures.newton import Controls, Steps, equilibrium
-from gpusim.fem.procedures.time_integration import LinearMotion, Scheme, predicted
 from gpusim.validation import require
 
 # linear solutions within Newton's method, and the estimate of a step's error

@@ -15,13 +15,13 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
+from gpusim.fem.dynamics.initial_value_problem import InitialValueProblem
 from gpusim.fem.krylov.cg import NumpyCG, Preconditioner
 from gpusim.fem.krylov.truncated_cg import truncated_cg
 from gpusim.fem.linear.shifted_solver import ShiftedSolver
 from gpusim.fem.linear.solve_plan import Options
 from gpusim.fem.model.damping import Rayleigh
 from gpusim.fem.model.history import State
-from gpusim.fem.procedures.initial_value_problem import InitialValueProblem
 from gpusim.validation import require
 
 METHODS = ("newmark", "hht", "generalized-alpha")
@@ -242,6 +242,7 @@ class _Diagonal(Preconditioner):
         return r / self._diagonal
 
 
+# what moves; that at large displacements is one of it
 Motion = LinearMotion
 
 

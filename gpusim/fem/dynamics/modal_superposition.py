@@ -16,13 +16,13 @@ from scipy.linalg import expm
 from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
+from gpusim.fem.dynamics.initial_value_problem import InitialValueProblem
 from gpusim.fem.krylov.truncated_cg import truncated_cg
 from gpusim.fem.linear.shifted_solver import ShiftedSolver
 from gpusim.fem.linear.solve_plan import Options
 from gpusim.fem.model.damping import Damping
 from gpusim.fem.model.modes import Modes
 from gpusim.fem.model.record import Record
-from gpusim.fem.procedures.initial_value_problem import InitialValueProblem
 
 # instants that are worked on at a time
 _CHUNK = 1024

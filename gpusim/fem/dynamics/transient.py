@@ -10,6 +10,25 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
+from gpusim.fem.dynamics.initial_value_problem import (
+    Initial,
+    InitialValueProblem,
+    Loads,
+    checked_model,
+    initial_state,
+    load_factors,
+    with_moving_ground,
+)
+from gpusim.fem.dynamics.modal_superposition import ModalMotion, modal_superposition
+from gpusim.fem.dynamics.time_integration import (
+    METHODS,
+    LinearMotion,
+    Motion,
+    Scheme,
+    StepSize,
+    time_steps,
+)
+from gpusim.fem.eigenvalues.modes import modes
 from gpusim.fem.linear.solve_plan import Clock, Options
 from gpusim.fem.model.damping import Damping, ModalDamping, Rayleigh
 from gpusim.fem.model.history import (
@@ -25,25 +44,6 @@ from gpusim.fem.model.history import (
 from gpusim.fem.model.mass import MASS_RULES
 from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.model.record import Record, increasing
-from gpusim.fem.procedures.initial_value_problem import (
-    Initial,
-    InitialValueProblem,
-    Loads,
-    checked_model,
-    initial_state,
-    load_factors,
-    with_moving_ground,
-)
-from gpusim.fem.procedures.modal_superposition import ModalMotion, modal_superposition
-from gpusim.fem.procedures.modes import modes
-from gpusim.fem.procedures.time_integration import (
-    METHODS,
-    LinearMotion,
-    Motion,
-    Scheme,
-    StepSize,
-    time_steps,
-)
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import Count, Rule, Share, checked, is_number, one_of, require
 
@@ -191,7 +191,7 @@ def _motion(geometry: str) -> type[LinearMotion]:
     """What linear theory doesn't need isn't loaded."""
     if geometry == "linear":
         return LinearMotion
-    from gpusim.fem.procedures.nonlinear_motion import NonlinearMotion
+    from gpusim.fem.dynamics.nonlinear_motion import NonlinearMotion
 
     return NonlinearMotion
 

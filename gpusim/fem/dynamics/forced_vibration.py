@@ -12,14 +12,14 @@ import numpy as np
 from gpusim.arrays.array_types import Complex, Float
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
+from gpusim.fem.dynamics.modal_basis import ModalBasis
+from gpusim.fem.eigenvalues.modes import modes as modes_of
 from gpusim.fem.linear.solve_plan import Clock, Options
 from gpusim.fem.model.dead_loads import with_dead_loads
 from gpusim.fem.model.mass import MASS_RULES
 from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.model.modes import Modes
 from gpusim.fem.model.solution import Solution
-from gpusim.fem.procedures.modal_basis import ModalBasis
-from gpusim.fem.procedures.modes import modes as modes_of
 from gpusim.validation import Count, as_float64, checked, one_of, require
 
 

@@ -1,19 +1,14 @@
-"""Modes against dense eigenvalues of every element type, theory, and hostile models."""
+"""Modes of small models by dense matrices, and what tests ask of others beside them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import numpy.typing as npt
-import pytest
 from scipy.linalg import eigh
 
 import gpusim as gs
-from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.model.elimination import eliminate
 from gpusim.fem.model.mass import mass_matrix
-from tests.support.element_meshes import mesh_of
 from tests.support.fem_reference import stiffness
 
 Float = npt.NDArray[np.float64]
@@ -52,7 +47,8 @@ def agree(found: gs.Modes, model: gs.Model, **options: object) -> None:
     error = np.abs(found.frequencies[still:] / frequencies[still:count] - 1.0)
     assert (error <= 1e-8).all()
     # never less than stated, but for what rounding does to the dense ones
-    assert (error <= found.error_estimate[still:] + 1e-11).all()
+    rounding = 1e-11 + 2e-16 * (frequencies[-1] / frequencies[still:count]) ** 2
+    assert (error <= found.error_estimate[still:] + rounding).all()
     weights = mass_matrix(model, str(options.get("rule", "exact")), None)
     flat = found.shapes.reshape(count, -1)
     gram = flat @ weights @ flat.T
@@ -66,68 +62,8 @@ def agree(found: gs.Modes, model: gs.Model, **options: object) -> None:
         assert np.linalg.svd(shares)[1].min() ** 2 >= 1.0 - 1e-8
 
 
-EVERY = [(kind, name) for kind, one in ELEMENTS.items() for name in one.formulations]
-
-
-@pytest.mark.parametrize(("kind", "formulation"), EVERY)
-def test_every_element_against_dense_eigenvalues(kind: str, formulation: str) -> None:
-    model = held(mesh_of(kind, (2, 2, 3), 0.05))
-    found = gs.modes(model, 6, formulation={kind: formulation})
-    agree(found, model, formulation={kind: formulation})
-
-
-def comb(teeth: int) -> gs.Mesh:
-    """Equal teeth on a common base: a cluster of as many modes."""
-    mesh = gs.mesh.box((9.0 * teeth, 30.0, 4.0), (3 * teeth, 10, 1))
-    middle = mesh.points[mesh.cells["hex8"]].mean(axis=1)
-    keep = (middle[:, 1] < 6.0) | (middle[:, 0] % 9.0 < 3.0)
-    used, cells = np.unique(mesh.cells["hex8"][keep], return_inverse=True)
-    return gs.Mesh(mesh.points[used], {"hex8": cells.reshape(-1, 8)})
-
-
 def together(*meshes: gs.Mesh) -> gs.Mesh:
     """Several bodies of hexahedra."""
     first = np.cumsum([0, *(one.node_count for one in meshes)])
     cells = [one.cells["hex8"] + at for one, at in zip(meshes, first, strict=False)]
     return gs.Mesh(np.concatenate([one.points for one in meshes]), {"hex8": np.concatenate(cells)})
-
-
-def tied() -> gs.Model:
-    lower = gs.mesh.box(size=(2, 2, 1), divisions=(2, 2, 1))
-    both = together(lower, gs.mesh.box(size=(2, 2, 1), divisions=(3, 3, 2), origin=(0, 0, 1)))
-    level = {"z_min": 1.0, "z_max": 1.0}
-    joint = [gs.mesh.select_faces(both, bounds=level, normal=n) for n in ("+z", "-z")]
-    fixed = np.repeat(both.points[:, 2:] == 0.0, 3, axis=1)
-    return gs.Model(both, STEEL, fixed, constraints=gs.fem.tie(both, *joint))
-
-
-def on_base(mesh: gs.Mesh) -> gs.Model:
-    return gs.Model(mesh, STEEL, np.repeat(mesh.points[:, 1:2] == 0.0, 3, axis=1))
-
-
-CUBE = gs.mesh.box((1.0, 1.0, 1.0), (5, 5, 5))
-MODELS: dict[str, tuple[Callable[[], gs.Model], int]] = {
-    "rod whose modes are pairs": (lambda: held(gs.mesh.box((8, 1, 1), (20, 3, 3))), 9),
-    "cube whose modes are triples": (lambda: gs.Model(CUBE, STEEL), 15),
-    "comb, a cluster of eight": (lambda: on_base(comb(8)), 10),
-    "free plate": (lambda: gs.Model(gs.mesh.box((10, 10, 0.3), (10, 10, 1)), STEEL), 12),
-    "tied": (tied, 7),
-    "all modes that it has": (lambda: held(gs.mesh.box((1, 1, 1), (1, 1, 1))), 12),
-    "all but one": (lambda: held(gs.mesh.box((2, 1, 1), (2, 1, 1))), 23),
-}
-
-
-@pytest.mark.parametrize("method", ["direct", "multigrid"])
-@pytest.mark.parametrize("name", MODELS)
-def test_doubles_and_clusters_are_complete(name: str, method: str) -> None:
-    build, count = MODELS[name]
-    model = build()
-    agree(gs.modes(model, count, method=method), model)
-
-
-@pytest.mark.parametrize("rule", ["calculix", "lumped"])
-def test_mass_rules(rule: str) -> None:
-    model = held(mesh_of("tet10", (2, 2, 2)))
-    found = gs.modes(model, 5, mass=rule)
-    frequencies, _ = dense(model, rule=rule)
-    assert np.abs(found.frequencies / frequencies[:5] - 1.0).max() <= 1e-8

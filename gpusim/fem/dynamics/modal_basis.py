@@ -15,12 +15,12 @@ import numpy as np
 from gpusim.arrays.array_types import Complex, Float
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
+from gpusim.fem.eigenvalues.rayleigh_quotients import sharpened
 from gpusim.fem.krylov.truncated_cg import truncated_cg
 from gpusim.fem.linear.shifted_solver import ShiftedSolver
 from gpusim.fem.linear.solve_plan import Options
 from gpusim.fem.model.damping import Damping
 from gpusim.fem.model.modes import Modes
-from gpusim.fem.procedures.rayleigh_quotients import sharpened
 from gpusim.validation import require
 
 # of the static response, in the energy norm

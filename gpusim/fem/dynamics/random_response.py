@@ -15,14 +15,14 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Complex, Float
-from gpusim.fem.model.damping import DAMPINGS, Damping
-from gpusim.fem.model.model import Model
-from gpusim.fem.procedures.forced_vibration import (
+from gpusim.fem.dynamics.forced_vibration import (
     ForcedVibration,
     checked_frequencies,
     complex_numbers,
 )
-from gpusim.fem.procedures.modal_basis import ModalBasis
+from gpusim.fem.dynamics.modal_basis import ModalBasis
+from gpusim.fem.model.damping import DAMPINGS, Damping
+from gpusim.fem.model.model import Model
 from gpusim.fem.recovery.stress import stress
 from gpusim.field_summary import field_summary
 from gpusim.parallel.blas_threads import one_blas_thread
