@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.motion import Course, Oscillation, Transient
+from gpusim.scene import Scene
 from gpusim.scene.description.model import AnalysisTable
 from gpusim.validation import require
+
+if TYPE_CHECKING:
+    from gpusim.fem import Record
 
 VIBRATION = "solution/vibration.npz"
 Stored = Mapping[str, npt.NDArray[Any]]
@@ -57,3 +61,15 @@ def stored_vibration(
     # modes have a greatest displacement of 1, vibrations their own
     scale = 1.0 if analysis.frequencies_Hz else (analysis.amplitude or 1e-3)
     return Oscillation(shown, scale * amplitudes[chosen], frequencies, known["rest"])
+
+
+def ground_of(scene: Scene) -> Record | None:
+    """Accelerations (R, 3) m/s2 of the ground; None where it rests. Raises InputError."""
+    from gpusim import fem  # who reads a motion from its file needs no solver
+
+    table = scene.analysis.base_motion
+    if table is None:
+        return None
+    record = fem.read_record(scene.input(table.path).path)
+    along = np.array(table.direction) / np.linalg.norm(table.direction)
+    return fem.Record(record.times, record.values[:, :1] * along)
