@@ -148,7 +148,7 @@ class _Basis:
         """Rows made orthonormal to the basis and to one another, and A times them."""
         rows, energy = self._rows[: self._size], self._energy[: self._size]
         image, well = new, False
-        for _ in range(_PASSES):
+        for number in range(_PASSES):
             shares = new @ energy.T
             if not len(new) or (well and np.abs(shares).max(initial=0.0) < _APART):
                 break
