@@ -208,9 +208,10 @@ class _Errors:
         good |= self._settled[here]
         return np.flatnonzero(~good & (ritz > negligible * np.abs(values).max()))
 
-    def settle(self, which: Long) -> None:
-        """Rounding hides what is left of the error of ``which`` values."""
-        self._settled[which] = True
+    def settle(self, which: Long) -> bool:
+        """Rounding hides what is left of the error of ``which`` values; False: it is known of none."""
+        self._settled[which] = np.isfinite(self.eta[which])
+        return bool(self._settled[which].any())
 
     def tell(self, which: Long, values: Float, squares: Float) -> None:
         """Residual times correction of ``which`` values (m,)."""
@@ -265,11 +266,9 @@ def davidson(
             basis.restart(values[keep], shares[keep])
         if len(new):
             added = basis.extend(new)
-            if not added and not len(todo):
-                # nothing is left to be found
+            if not added and not errors.settle(todo):
+                # nothing is left to be found, or nothing is known of what is
                 break
-            if not added:
-                errors.settle(todo)
     values, shares = basis.ritz()
     found, eta = slice(min(count, len(values))), errors.eta[:count]
     missing = errors.open(values, pencil.negligible)
