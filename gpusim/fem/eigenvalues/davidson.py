@@ -209,7 +209,8 @@ class _Errors:
         return np.flatnonzero(~good & (ritz > negligible * np.abs(values).max()))
 
     def settle(self, which: Long) -> bool:
-        """Rounding hides what is left of the error of ``which`` values; False: it is known of none."""
+        """Rounding hides what is left of the error of ``which`` values; False where it is known of
+        none."""
         self._settled[which] = np.isfinite(self.eta[which])
         return bool(self._settled[which].any())
 
