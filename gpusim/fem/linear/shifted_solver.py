@@ -63,6 +63,12 @@ class ShiftedSolver:
         image = self._equation.stiffness(x)
         return image + self._shift * self._equation.inertia(x) if self._shift else image
 
+    @property
+    def may_be_exact(self) -> bool:
+        """Whether there are factors to be had where a cycle doesn't do."""
+        direct = None if self.exact else self.plan.direct()
+        return direct is not None and direct.in_reach
+
     @cached_property
     def weakest(self) -> float:
         """Least eigenvalue of what it makes of K + shift M, by some steps of conjugate gradients; 1
@@ -84,8 +90,7 @@ def definite_solver(equation: EquationOfMotion, shift: float, options: Options) 
     solver = ShiftedSolver(equation, shift, options)
     if solver.exact or not solver.plan.stiff_in_bulk or options.method == "multigrid":
         return solver
-    direct = solver.plan.direct()
-    if direct is None or not direct.fits:
+    if not solver.may_be_exact:
         raise NotConverged(
             "modes: a nearly incompressible body; got factors that don't fit the memory; expected "
             "fewer unknowns, or a smaller Poisson's ratio: multigrid doesn't find its modes"
