@@ -57,15 +57,10 @@ class EquationOfMotion:
     _system: System
 
     @staticmethod
-    def of(model: Model, formulation: Mapping[str, str], mass_rule: str) -> EquationOfMotion:
-        """At rest, without loads. Raises InputError for a material without density."""
-        check_densities(model)
+    def of(model: Model, formulation: Mapping[str, str], mass_rule: str | None) -> EquationOfMotion:
+        """At rest, without loads; by no rule without mass, for what depends on the stiffness alone.
+        Raises InputError for a material without density."""
         return _equation_of_motion(model, formulation, mass_rule, None)
-
-    @staticmethod
-    def without_mass(model: Model, formulation: Mapping[str, str]) -> EquationOfMotion:
-        """At rest, of a body without mass: for what depends on the stiffness alone."""
-        return _equation_of_motion(model, formulation, None, None)
 
     @staticmethod
     def at(solution: Solution, formulation: Mapping[str, str], mass_rule: str) -> EquationOfMotion:
@@ -74,7 +69,6 @@ class EquationOfMotion:
         Raises InputError for laws with a history, whose state a solution doesn't hold.
         """
         assert solution.model is not None
-        check_densities(solution.model)
         return _equation_of_motion(solution.model, formulation, mass_rule, solution)
 
     @cached_property
@@ -89,27 +83,24 @@ class EquationOfMotion:
 
     def stiffness_by_deformation(self, x: Float) -> Float:
         """The same without the rounding of the elements' matrices, several times as slow."""
-        system = self._reduced[1]
-        image = system.elements.product(x.reshape(len(x), -1, 3)).reshape(x.shape)
-        return np.where(self.unknown, image / self.scale, 0.0)
+        return self._on_rows(self._reduced[1].elements.product, x) / self.scale
 
     def rounding_by_deformation(self, x: Float) -> Float:
         """(L,3N) as much as rounding can do to `stiffness_by_deformation`."""
-        return self._sizes(self._reduced[1].by_deformation().rounding, x)
+        return np.abs(self._on_rows(self._reduced[1].by_deformation().rounding, x))
 
     def stiffness_by_differences(self, x: Float) -> Float:
         """K x from differences of displacements, as it is on a lattice anyway; between the two
         others, in time and as sharp."""
-        image = self._reduced[1].apply(x.reshape(len(x), -1, 3)).reshape(x.shape)
-        return np.where(self.unknown, image, 0.0)
+        return self._on_rows(self._reduced[1].apply, x)
 
     def rounding_by_differences(self, x: Float) -> Float:
         """(L,3N) as much as rounding can do to `stiffness_by_differences`."""
-        return self._sizes(self._reduced[1].rounding, x)
+        return np.abs(self._on_rows(self._reduced[1].rounding, x))
 
-    def _sizes(self, rounding: Callable[[Float], Float], x: Float) -> Float:
-        forces = rounding(x.reshape(len(x), -1, 3)).reshape(x.shape)
-        return np.where(self.unknown, np.abs(forces), 0.0)
+    def _on_rows(self, product: Callable[[Float], Float], x: Float) -> Float:
+        image = product(x.reshape(len(x), -1, 3)).reshape(x.shape)
+        return np.where(self.unknown, image, 0.0)
 
     def inertia(self, x: Float) -> Float:
         """M x (L,3N)."""
@@ -190,6 +181,8 @@ class EquationOfMotion:
 def _equation_of_motion(
     model: Model, formulation: Mapping[str, str], mass_rule: str | None, solution: Solution | None
 ) -> EquationOfMotion:
+    if mass_rule is not None:
+        check_densities(model)
     lattice = model_lattice(model)
     numbering = Numbering.of(model) if lattice is None else None
     inside = model if numbering is None else numbering.renumbered(model)

@@ -19,6 +19,7 @@ from gpusim.fem.dynamics.initial_value_problem import (
     with_moving_ground,
 )
 from gpusim.fem.dynamics.modal_superposition import ModalMotion, modal_superposition
+from gpusim.fem.dynamics.nonlinear_motion import NonlinearMotion
 from gpusim.fem.dynamics.time_integration import (
     METHODS,
     LinearMotion,
@@ -136,10 +137,8 @@ def transient(
         else:
             scheme = Scheme.named(method, spectral_radius)
             rayleigh = damping if isinstance(damping, Rayleigh) else Rayleigh()
-            first, kind = _step_length(problem, at, step), LinearMotion
-            if geometry == "nonlinear":
-                # what linear theory doesn't need isn't loaded
-                from gpusim.fem.dynamics.nonlinear_motion import NonlinearMotion as kind
+            first = _step_length(problem, at, step)
+            kind = LinearMotion if geometry == "linear" else NonlinearMotion
             motion = kind(problem, scheme, rayleigh, options)
             error = tolerance * motion.size(at[-1] - at[0]) if step == "adaptive" else np.inf
             steps = partial(time_steps, motion, first, error)
