@@ -26,14 +26,49 @@ _CHUNK = 1024
 
 
 @dataclass(frozen=True, eq=False)
-class Oscillators:
-    """n modes: ``angular`` frequencies (n,) rad/s, ``damping`` (n,) 1/s, twice the ratio times the
-    frequency."""
+class ModalStates:
+    """Amplitudes of n modes at m instants (m,n), their rates and accelerations, and the ``work``
+    (m,) that the loads have done."""
 
-    angular: Float
-    damping: Float
+    amplitude: Float
+    rate: Float
+    acceleration: Float
+    work: Float
 
-    def propagators(self, tau: Float) -> Float:
+
+class ModalCoordinates:
+    """Amplitudes of n modes at any instant, with ``angular`` frequencies (n,) rad/s and ``damping``
+    (n,) 1/s, twice the ratio times the frequency; from ``amplitude`` and ``rate`` (n,) at the first
+    instant of ``forcing``, the modal loads (R,n) over modal masses."""
+
+    def __init__(
+        self, angular: Float, damping: Float, forcing: Record, amplitude: Float, rate: Float
+    ) -> None:
+        self.angular, self.damping, self._forcing = angular, damping, forcing
+        self.first_energy = 0.5 * float((rate**2 + (angular * amplitude) ** 2).sum())
+        lapse, push = np.diff(forcing.times), forcing.values[:-1]
+        slope = forcing.slope(forcing.times[:-1])
+        # q, q', p and its slope where intervals begin, and the work of p until then
+        self._begin = np.stack([np.empty_like(push)] * 2 + [push, slope], axis=-1)
+        self._work, work = np.zeros(len(lapse)), 0.0
+        for first in range(0, len(lapse), _CHUNK):
+            steps = self._propagators(lapse[first : first + _CHUNK])
+            for number, step in enumerate(steps, first):
+                begin, self._work[number] = self._begin[number], work
+                begin[:, 0], begin[:, 1] = amplitude, rate
+                amplitude, rate, _, gained = _carried(step, begin, lapse[number])
+                work += float(gained)
+
+    def at(self, times: Float) -> ModalStates:
+        """Within those of the loads."""
+        number = np.searchsorted(self._forcing.times, times, side="right") - 1
+        number = np.clip(number, 0, len(self._begin) - 1)
+        tau = times - self._forcing.times[number]
+        q, rate, push, gained = _carried(self._propagators(tau), self._begin[number], tau[:, None])
+        acceleration = push - self.damping * rate - self.angular**2 * q
+        return ModalStates(q, rate, acceleration, self._work[number] + gained)
+
+    def _propagators(self, tau: Float) -> Float:
         """(m,n,3,5): what the integral of q, q and q' are after times ``tau`` (m,), by what these,
         p and its slope were."""
         lapse, number = np.unique(tau, return_inverse=True)
@@ -51,61 +86,13 @@ class Oscillators:
         return np.asarray(grown[number])
 
 
-@dataclass(frozen=True, eq=False)
-class ModalStates:
-    """Amplitudes of n modes at m instants (m,n), their rates and accelerations, and the ``work``
-    (m,) that the loads have done."""
-
-    amplitude: Float
-    rate: Float
-    acceleration: Float
-    work: Float
-
-
-class ModalCoordinates:
-    """Amplitudes of modes at any instant, from ``amplitude`` and ``rate`` (n,) at the first one of
-    ``forcing``: the modal loads (R,n) over modal masses."""
-
-    def __init__(
-        self, oscillators: Oscillators, forcing: Record, amplitude: Float, rate: Float
-    ) -> None:
-        self.oscillators, self._forcing = oscillators, forcing
-        lapse, values = np.diff(forcing.times), forcing.values
-        slope = np.diff(values, axis=0) / lapse[:, None]
-        self.first_energy = 0.5 * float((rate**2 + (oscillators.angular * amplitude) ** 2).sum())
-        # q, q', p and its slope where intervals begin, and the work of p until then
-        self._begin = np.stack([np.empty_like(slope)] * 2 + [values[:-1], slope], axis=-1)
-        self._work = np.zeros(len(lapse))
-        state, work = np.stack([amplitude, rate], axis=-1), 0.0
-        for first in range(0, len(lapse), _CHUNK):
-            steps = oscillators.propagators(lapse[first : first + _CHUNK])
-            for number, step in enumerate(steps, first):
-                self._begin[number, :, :2], self._work[number] = state, work
-                area, *after = _carried(step, self._begin[number])
-                state = np.stack(after, axis=-1)
-                gained = values[number + 1] * after[0] - values[number] * self._begin[number, :, 0]
-                work += float((gained - slope[number] * area).sum())
-
-    def at(self, times: Float) -> ModalStates:
-        """Within those of the loads."""
-        forcing = self._forcing
-        number = np.searchsorted(forcing.times, times, side="right") - 1
-        number = np.clip(number, 0, len(self._begin) - 1)
-        tau, begin = times - forcing.times[number], self._begin[number]
-        area, q, rate = _carried(self.oscillators.propagators(tau), begin)
-        load = begin[..., 2] + begin[..., 3] * tau[:, None]
-        # the integral of p q', by parts
-        gained = (load * q - begin[..., 2] * begin[..., 0] - begin[..., 3] * area).sum(axis=1)
-        own = self.oscillators
-        return ModalStates(
-            q, rate, load - own.damping * rate - own.angular**2 * q, self._work[number] + gained
-        )
-
-
-def _carried(step: Float, begin: Float) -> tuple[Float, Float, Float]:
-    """The integral of q, q and q' (...,n) after propagators (...,n,3,5) of q, q', p and slope."""
+def _carried(step: Float, begin: Float, tau: Float | float) -> tuple[Float, Float, Float, Float]:
+    """q, q' and p (...,n) after ``tau``, by propagators (...,n,3,5) of q, q', p and its slope, and
+    the work of p until then, (...): the integral of p q', by parts."""
     area, q, rate = np.moveaxis(np.einsum("...ij,...j->...i", step[..., 1:], begin), -1, 0)
-    return area, q, rate
+    first, _, push, slope = np.moveaxis(begin, -1, 0)
+    after = push + slope * tau
+    return q, rate, after, (after * q - push * first - slope * area).sum(axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,10 +119,10 @@ class ModalMotion:
     def coordinates(self, times: Float) -> tuple[Float, Float, Float, Float]:
         """Amplitudes at ``times`` (m,), rates and accelerations (m,n + K), and energies (4,m), the
         fields of an `EnergyHistory`: damping has dissipated what is missing."""
-        states, own, static = self.modes.at(times), self.modes.oscillators, self.static.at(times)
+        own, states, static = self.modes, self.modes.at(times), self.static.at(times)
         kinetic = 0.5 * (states.rate**2).sum(axis=1)
         strain = 0.5 * ((own.angular * states.amplitude) ** 2).sum(axis=1)
-        lost = states.work - (kinetic + strain - self.modes.first_energy)
+        lost = states.work - (kinetic + strain - own.first_energy)
         lost = lost if own.damping.any() else np.zeros_like(lost)
         first, added = (0.5 * q**2 @ self.stiffness for q in (self.static.values[:1], static))
         slope = self.static.slope(times)
@@ -162,9 +149,8 @@ def modal_superposition(
     lost = np.zeros_like(angular)
     if damping is not None:
         (lost,) = damping.dissipation(np.ones(1), angular)
-    coordinates = ModalCoordinates(
-        Oscillators(angular, lost), Record(factors.times, factors.values @ push), amplitude, rate
-    )
+    forcing = Record(factors.times, factors.values @ push)
+    coordinates = ModalCoordinates(angular, lost, forcing, amplitude, rate)
     lacking = {
         "static answer to a load (which is added, as if it had no inertia)": basis.lacking.max()
     }

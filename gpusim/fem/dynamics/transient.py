@@ -194,7 +194,7 @@ def superposed(motion: ModalMotion, times: Float, file: FilePath) -> dict[str, A
                     frames = slice(first, first + _FRAMES)
                     data[name][frames] = values[frames]
     return written(fields, file) | {
-        "message": f"{len(motion.modes.oscillators.angular)} modes",
+        "message": f"{len(motion.modes.angular)} modes",
         "modal": motion,
         "warnings": tuple(
             f"modes lack {share:.2g} of the energy of the {what}; more of them (count=...) lack "

@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import gpusim as gs
-from gpusim.fem.dynamics.modal_superposition import ModalCoordinates, Oscillators
+from gpusim.fem.dynamics.modal_superposition import ModalCoordinates
 from tests.support.vibrating_bar import dense_modes, greatest, step_response, vibrating_bar
 
 Float = npt.NDArray[np.float64]
@@ -20,8 +20,8 @@ Float = npt.NDArray[np.float64]
 def coordinates(
     angular: float, damping: float, record: gs.Record, begin: tuple[float, float] = (0.0, 0.0)
 ) -> ModalCoordinates:
-    own = Oscillators(np.array([angular]), np.array([damping]))
-    return ModalCoordinates(own, record, *np.array(begin)[:, None])
+    own = np.array([angular]), np.array([damping])
+    return ModalCoordinates(*own, record, *np.array(begin)[:, None])
 
 
 def ramp_response(angular: float, ratio: float, t: Float) -> Float:
@@ -98,7 +98,7 @@ def test_a_body_follows_the_closed_form_of_its_modes() -> None:
     assert greatest(u - early, early) <= 1e-9
     assert greatest(v - (late - early) / 1e-4, v) <= 1e-2
     assert history.modal is not None and len(history.modal.shapes) == len(shapes)
-    assert greatest(history.modal.modes.oscillators.angular - angular, angular) <= 1e-9
+    assert greatest(history.modal.modes.angular - angular, angular) <= 1e-9
 
 
 def test_what_modes_lack_of_static_answers_is_added_and_said() -> None:
