@@ -63,11 +63,13 @@ class StepEquation(Equation):
 
 @dataclass(frozen=True, eq=False)
 class Balance:
-    """At the end of a step: what elements remember, ``external`` and ``internal`` forces (N,3)."""
+    """At the end of a step: what elements remember, ``external`` and ``internal`` forces (N,3),
+    kinetic and strain ``energies``, NaN where a law doesn't tell them."""
 
     elements: list[Internal]
     external: Float
     internal: Float
+    energies: Float
 
 
 class NonlinearMotion(LinearMotion):
@@ -99,13 +101,13 @@ class NonlinearMotion(LinearMotion):
             known = not self._elements.has_history
             require(known, "transient: initial", "displacements of a law with a history", expected)
             self._elements.relax(u, self._factors(time))
-        balance = self._balances[time] = self._balance(time, u)
+        balance = self._balances[time] = self._balance(time, u, v)
         force = balance.external - balance.internal - self._inertia(self._damping.mass * v)
         if onset > 0.0:
             a = self._slowed(force / onset, u, time)
         else:
             a = super().displacements(self.accelerations(self.equation.forces(force[None])))
-        return State(time, u, v, a, np.append(self._stored(u, v), [0.0, 0.0]))
+        return State(time, u, v, a, np.zeros(2))
 
     def _slowed(self, force: Float, u: Float, time: float) -> Float:
         """(N,3) by ``force`` at ``u``, where stiffness slows it."""
@@ -136,10 +138,9 @@ class NonlinearMotion(LinearMotion):
         equation.commit(found.u, factors)
         self._counts.append(len(found.iterations))
         after = scheme.corrected(after, found.u - after.u, step)
-        self._balances = {state.time: before, after.time: self._balance(after.time, after.u)}
-        stored = self._stored(after.u, after.v)
-        gains = self._gains(state, replace(after, energies=stored))
-        return replace(after, energies=np.append(stored, state.energies[2:] + gains))
+        balance = self._balance(after.time, after.u, after.v)
+        self._balances = {state.time: before, after.time: balance}
+        return replace(after, gains=state.gains + self._gains(state, after))
 
     def error(self, before: State, after: State) -> float:
         """As that of `LinearMotion`."""
@@ -152,14 +153,8 @@ class NonlinearMotion(LinearMotion):
         """(N,3) of those of states."""
         return x
 
-    def _stored(self, u: Float, v: Float) -> Float:
-        """(2,) kinetic and strain energy, NaN where a law doesn't tell it."""
-        strain = 0.0
-        for one in self._elements.responses:
-            for which in portions(len(one.cells)):
-                values = one.point_values(which, u)
-                strain += float(np.vdot(values.results["energy"], values.volume))
-        return np.array([0.5 * np.vdot(v, self._inertia(v)), strain])
+    def _energies(self, state: State) -> Float:
+        return np.append(self._balances[state.time].energies, state.gains)
 
     def _inertia(self, a: Float) -> Float:
         return np.asarray(self._mass.forces(a[None])[0])
@@ -167,23 +162,28 @@ class NonlinearMotion(LinearMotion):
     def _factors(self, time: float) -> Float:
         return np.asarray(self._problem.factors.at(np.array([time]))[0])
 
-    def _balance(self, time: float, u: Float) -> Balance:
-        equation, factors = self._elements, self._factors(time)
+    def _balance(self, time: float, u: Float, v: Float) -> Balance:
+        equation, factors, strain = self._elements, self._factors(time), 0.0
         external, internal = equation.external(u, factors), equation.internal(u, factors)
-        return Balance(equation.snapshot(), external, internal)
+        for one in equation.responses:
+            for which in portions(len(one.cells)):
+                values = one.point_values(which, u)
+                strain += float(np.vdot(values.results["energy"], values.volume))
+        energies = np.array([0.5 * np.vdot(v, self._inertia(v)), strain])
+        return Balance(equation.snapshot(), external, internal, energies)
 
     def _gains(self, before: State, after: State) -> Float:
         """In a step. Raises NotConverged where the body has gained energy that nobody gave it."""
         begin, end = (self._balances[one.time] for one in (before, after))
-        moved, stored = after.u - before.u, after.energies[:2] - before.energies[:2]
+        moved, stored = after.u - before.u, end.energies - begin.energies
         work = 0.5 * float(np.vdot(begin.external + end.external, moved))
         drag = self._damping.mass / (after.time - before.time) * self._inertia(moved)
         lost = float(np.vdot(moved, drag))
         if self._elements.has_history:
             # strained for good
             lost += 0.5 * float(np.vdot(begin.internal + end.internal, moved)) - stored[1]
-        self._greatest = max(self._greatest, float(before.energies[:2].sum()))
-        size = max(self._greatest, float(after.energies[:2].sum()), 1e-300)
+        self._greatest = max(self._greatest, float(begin.energies.sum()))
+        size = max(self._greatest, float(end.energies.sum()), 1e-300)
         share = (stored.sum() + lost - work) / size
         if share > _MOST_GROWTH:
             raise NotConverged(f"{share:.1%} of the energy in a step, from nowhere")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import count
 
 import numpy as np
@@ -111,6 +112,8 @@ class LinearMotion:
         self._begin = self.equation.unknowns(np.stack([problem.u, problem.v]))[:, None]
         self._solvers: dict[float, ShiftedSolver] = {}
         self._counts: list[int] = []
+        # a step ends where the next one begins
+        self.energies = lru_cache(2)(self._energies)
 
     @property
     def message(self) -> str:
@@ -124,7 +127,7 @@ class LinearMotion:
         (u, v), equation, damping = self._begin, self.equation, self._damping
         force = self._load(time) - equation.stiffness(u + damping.stiffness * v)
         a = self.accelerations(force - damping.mass * equation.inertia(v))
-        return State(time, u, v, a, np.append(self._stored(u, v), [0.0, 0.0]))
+        return State(time, u, v, a, np.zeros(2))
 
     def accelerations(self, force: Float) -> Float:
         """M^-1 ``force``, by conjugate gradients that are scaled by the diagonal; or, with an
@@ -159,8 +162,7 @@ class LinearMotion:
             energy = float(np.vdot(strained, inner))
             energy += shift * float(np.vdot(after.u, equation.inertia(after.u)))
         after = scheme.corrected(after, self._solution(solver, force / factor, energy), step)
-        gains = state.energies[2:] + self._gains(state, after)
-        return replace(after, energies=np.append(self._stored(after.u, after.v), gains))
+        return replace(after, gains=state.gains + self._gains(state, after))
 
     def error(self, before: State, after: State) -> float:
         """Of a step, estimated, of the greatest displacement. What such steps don't resolve of
@@ -188,11 +190,11 @@ class LinearMotion:
             lost = float(np.vdot(moved, drag)) / (after.time - before.time)
         return equation.scale * np.array([work, lost])
 
-    def _stored(self, u: Float, v: Float) -> Float:
-        """(2,) kinetic and strain energy."""
-        equation = self.equation
+    def _energies(self, state: State) -> Float:
+        """(4,) the fields of an `EnergyHistory`."""
+        equation, u, v = self.equation, state.u, state.v
         twice = np.vdot(v, equation.inertia(v)), np.vdot(u, equation.stiffness(u))
-        return 0.5 * equation.scale * np.array(twice)
+        return np.append(0.5 * equation.scale * np.array(twice), state.gains)
 
     def displacements(self, x: Float) -> Float:
         """(N,3) of a vector of states, with what constraints gave up."""

@@ -217,13 +217,15 @@ def integrated(
     worst, greatest, k = 0.0, 0.0, 1
     before = motion.begin(times[0])
     with storage(times, len(motion.displacements(before.u)), file) as fields:
-        _keep(fields, 0, motion, before)
+        _keep(fields, 0, motion, (before.u, before.v, before.a), motion.energies(before))
         for number, (after, error) in enumerate(steps(before), 1):
             slack = _SAME * (after.time - before.time)
             worst, greatest = np.fmax(worst, error), max(greatest, float(np.abs(after.u).max()))
             while k < len(times) and times[k] <= after.time + slack:
                 share = min((times[k] - before.time) / (after.time - before.time), 1.0)
-                _keep(fields, k, motion, interpolated(before, after, share))
+                begin, end = motion.energies(before), motion.energies(after)
+                state, energies = interpolated(before, after, share), begin + share * (end - begin)
+                _keep(fields, k, motion, state, energies)
                 k += 1
             if progress is not None:
                 progress(number, after.time)
@@ -240,9 +242,11 @@ def integrated(
     return {**written(fields, file), "message": message, "warnings": warnings}
 
 
-def _keep(fields: dict[str, Any], k: int, motion: LinearMotion, state: State) -> None:
-    """Write a state as the ``k``-th."""
-    for name, x in zip("uva", (state.u, state.v, state.a), strict=True):
+def _keep(
+    fields: dict[str, Any], k: int, motion: LinearMotion, state: Iterable[Float], energies: Float
+) -> None:
+    """Write u, v, a and energies as the ``k``-th."""
+    for name, x in zip("uva", state, strict=True):
         fields[name][k] = motion.displacements(x)
-    for name, value in zip(ENERGIES, state.energies, strict=True):
+    for name, value in zip(ENERGIES, energies, strict=True):
         fields[name][k] = value

@@ -160,25 +160,21 @@ def cubic(share: float, ends: Float, slopes: Float) -> Float:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Displacement, velocity and acceleration at an instant, and ``energies`` (4,), the fields of
-    an `EnergyHistory`."""
+    """Displacement, velocity and acceleration at an instant, and ``gains`` (2,): what loads have
+    done until then, and what is dissipated."""
 
     time: float
     u: Float
     v: Float
     a: Float
-    energies: Float
+    gains: Float
 
 
-def interpolated(before: State, after: State, share: float) -> State:
-    """Between two states: cubics of displacement and velocity by their slopes, the rest linear."""
-    step, v, a = after.time - before.time, np.stack([before.v, after.v]), (before.a, after.a)
-    u = cubic(share, np.stack([before.u, after.u]), step * v)
-    energies = before.energies + share * (after.energies - before.energies)
-    return State(
-        before.time + share * step, u, cubic(share, v, step * np.stack(a)),
-        a[0] + share * (a[1] - a[0]), energies,
-    )  # fmt: skip
+def interpolated(before: State, after: State, share: float) -> tuple[Float, Float, Float]:
+    """u, v and a between two states: cubics of displacement and velocity by their slopes."""
+    step = after.time - before.time
+    u, v, a = (np.stack([getattr(one, name) for one in (before, after)]) for name in "uva")
+    return cubic(share, u, step * v), cubic(share, v, step * a), a[0] + share * (a[1] - a[0])
 
 
 @contextmanager
