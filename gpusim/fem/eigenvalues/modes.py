@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -14,7 +14,7 @@ from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
 from gpusim.fem.eigenvalues.davidson import Pencil, davidson
 from gpusim.fem.eigenvalues.rayleigh_quotients import AIM, rayleigh_ritz, sharpened
 from gpusim.fem.eigenvalues.rigid_body_modes import RigidBodyModes, rigid_body_modes
-from gpusim.fem.linear.shifted_solver import definite_solver
+from gpusim.fem.linear.shifted_solver import ShiftedSolver, definite_solver, with_factors
 from gpusim.fem.linear.solve_plan import METHODS, Clock, Options
 from gpusim.fem.model.mass import MASS_RULES
 from gpusim.fem.model.model import Model, resolve_formulation
@@ -166,7 +166,10 @@ class _Search:
         return rows - (rows @ self.equation.inertia(self.rigid.rows).T) @ self.rigid.rows
 
     def _prepare(self) -> None:
-        self.solver = solver = definite_solver(self.equation, self.shift, self.options)
+        self._take(definite_solver(self.equation, self.shift, self.options))
+
+    def _take(self, solver: ShiftedSolver) -> None:
+        self.solver = solver
         # A-orthonormal: rigid motions have the energy of the shift alone
         known = self.rigid.rows / np.sqrt(self.shift or 1.0)
         self._pencil = Pencil(
@@ -188,8 +191,8 @@ class _Search:
         pairs = davidson(self._pencil, count, AIM * aim, self._start, self.options.progress)
         self._start = pairs.vectors
         if not pairs.converged and self.options.method == "auto" and self.solver.may_be_exact:
-            self.options = replace(self.options, method="direct")
-            self._prepare()
+            why = "multigrid hadn't found all modes"
+            self._take(with_factors(self.equation, self.shift, self.options, why))
             return self.lowest(count)
         mu, rows, rounding = sharpened(self.equation, self.equation.inertia, pairs.vectors, aim)
         having = int((mu > max(_MASSLESS * mu[0], 1e-300)).sum())
