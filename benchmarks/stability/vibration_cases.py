@@ -12,105 +12,46 @@ import numpy.typing as npt
 
 from benchmarks.stability.nonlinear_suite import WARNED
 from benchmarks.stability.suite import TOLD
+from benchmarks.stability.vibration_bodies import (
+    NONE,
+    STEEL,
+    beside_dense,
+    beside_extended,
+    block,
+    buckled,
+    clamped,
+    column,
+    free_plate,
+    held,
+    joined_along,
+    many_unknowns,
+    of_modes,
+    pressed,
+    slender,
+    sliding,
+    soft_half,
+    unused_node,
+)
 from benchmarks.stability.vibration_suite import Answer, VibrationCase
-from benchmarks.vibration.rayleigh import rayleigh_frequencies
 from gpusim.fem import (
     Isotropic,
     ModalDamping,
     Model,
-    Modes,
     Rayleigh,
     Record,
-    buckling,
-    face_force,
     harmonic,
     modes,
     random_response,
     solve,
     transient,
 )
-from gpusim.mesh import Mesh, box, select_faces
+from gpusim.mesh import box
 from tests.support.fem_reference import bar
 from tests.support.vibration_reference import dense_buckling, dense_modes
 
 __all__ = ["vibration_cases"]
 
 Float = npt.NDArray[np.float64]
-Divisions = tuple[int, int, int]
-_STEEL = Isotropic(210e9, 0.3, density=7850.0)
-NONE = np.array([np.nan])
-"""Where there is no answer."""
-
-
-def clamped(mesh: Mesh, *materials: Isotropic, second: float = np.inf) -> Model:
-    """At the least x; cells with a middle beyond ``second`` are of the second material. Pulled at
-    the greatest x along z, by 1 over all of it."""
-    low, high = mesh.bounds
-    fixed = np.repeat(mesh.points[:, :1] <= low[0] + 1e-9 * (high[0] - low[0]), 3, axis=1)
-    middles = np.concatenate([mesh.points[cells].mean(axis=1) for _, _, cells in mesh.blocks()])
-    end = face_force(mesh, select_faces(mesh, plane=(high, "+x")), (0.0, 0.0, 1.0))
-    which = (middles[:, 0] > second).astype(np.int32)
-    return Model(mesh, list(materials) or [_STEEL], fixed, end, material_of_cell=which)
-
-
-def block(**changes: Any) -> Model:
-    """A small one that nothing is wrong with, but for what is changed."""
-    return replace(clamped(box((2.0, 1.0, 0.5), (6, 3, 2))), **changes)
-
-
-def of_modes(found: Modes, expected: Float, source: str) -> Answer:
-    """What is said of modes, judged by frequencies."""
-    says = "; ".join([*found.warnings, "" if found.converged else found.message]).strip("; ")
-    stated = float(found.error_estimate.max(initial=0.0))
-    return Answer(found.frequencies, expected, source, stated, found.converged, says,
-                  found.unknowns)  # fmt: skip
-
-
-def beside_dense(build: Callable[[], Model], count: int, **options: Any) -> Answer:
-    """Beside all modes of the mesh."""
-    model = build()
-    exact = dense_modes(model, options.get("formulation")).frequencies[:count]
-    found = modes(model, count, **options)
-    # free motions of the reference are rounding
-    still = exact <= 1e-4 * exact[-1]
-    return of_modes(found, np.where(still, 0.0, exact), "dense")
-
-
-def beside_extended(build: Callable[[], Model], rules: dict[str, str], count: int) -> Answer:
-    """Beside energies of the shapes in extended precision: what rounding does to a stiff body."""
-    model = build()
-    found = modes(model, count, formulation=rules)
-    return of_modes(found, rayleigh_frequencies(model, rules, found.shapes), "80 bits")
-
-
-def slender(length: float, width: float, divisions: Divisions, scale: float = 1.0,
-            E: float = 210e9, offset: float = 0.0) -> Answer:  # fmt: skip
-    """Two bending modes of a cantilever 1 thick, in its softer plane, by Euler and Bernoulli, in
-    units ``scale`` times as small, its clamped end ``offset`` lengths away."""
-    mesh = box((length * scale, width * scale, scale), divisions,
-               origin=(offset * length * scale,) * 3)  # fmt: skip
-    model = clamped(mesh, Isotropic(E, 0.0, density=7850.0))
-    fixed = np.array(model.fixed)
-    # in its plane
-    fixed[:, 1] = True
-    found = modes(replace(model, fixed=fixed, prescribed=None), 2)
-    waves = np.array([1.8751040687, 4.6940911330]) / (length * scale)
-    expected = waves**2 * np.sqrt(E * scale**2 / 12.0 / 7850.0) / (2.0 * np.pi)
-    return of_modes(found, expected, "Euler's beam")
-
-
-def soft_half(contrast: float, stiff_root: bool) -> Answer:
-    """Half of a rod ``contrast`` times as stiff as the other: a soft one on a rigid base, or the
-    same with energies of the shapes in extended precision."""
-    mesh = box((4.0, 1.0, 1.0), (12, 3, 3))
-    soft = Isotropic(210e9 / contrast, 0.3, density=7850.0)
-    rules = {"hex8": "incompatible"}
-    if not stiff_root:
-        return beside_extended(partial(clamped, mesh, soft, _STEEL, second=2.0), rules, 4)
-    model = clamped(mesh, _STEEL, soft, second=2.0)
-    alone = clamped(box((2.0, 1.0, 1.0), (6, 3, 3)), soft)
-    expected = dense_modes(alone).frequencies[:4]
-    return of_modes(modes(model, 4, formulation=rules), expected, "the soft half alone, dense")
 
 
 def _shapes() -> Iterator[VibrationCase]:
@@ -131,7 +72,7 @@ def _shapes() -> Iterator[VibrationCase]:
         ask = partial(slender, 50.0, 1.0, (40, 1, 1), offset=offset)
         yield VibrationCase("offset", f"{offset:g} lengths", ask, 5e-3, same_mesh=False)
     yield VibrationCase("offset", "a free block, 1e6 lengths", partial(beside_dense, lambda: Model(
-        box((2.0, 1.0, 0.5), (4, 2, 2), origin=(2e6, 2e6, -2e6)), _STEEL), 9), 1e-6)  # fmt: skip
+        box((2.0, 1.0, 0.5), (4, 2, 2), origin=(2e6, 2e6, -2e6)), STEEL), 9), 1e-6)  # fmt: skip
     for contrast in (1e4, 1e6, 1e8):
         yield VibrationCase("E contrast", f"{contrast:g}, stiff root", partial(
             soft_half, contrast, True), 10.0 / contrast + 1e-6, same_mesh=False,
@@ -146,68 +87,33 @@ def _shapes() -> Iterator[VibrationCase]:
     for kind, divisions in (("hex20", (3, 2, 2)), ("tet10", (3, 1, 1)), ("wedge15", (3, 2, 2))):
         yield VibrationCase("elements", kind, partial(
             beside_dense, partial(clamped, bar(kind, (2.0, 1.0, 0.5), divisions)), 8))  # fmt: skip
-    yield VibrationCase("slenderness", "plate 400 times as wide as thick, free", partial(
-        beside_extended_free, (20.0, 20.0, 0.05), (12, 12, 1)), 1e-7, quick=True)  # fmt: skip
-
-
-def beside_extended_free(size: tuple[float, float, float], divisions: Divisions) -> Answer:
-    """A free body's elastic modes."""
-    model, rules = Model(box(size, divisions), _STEEL), {"hex8": "incompatible"}
-    found = modes(model, 12, formulation=rules, tolerance=1e-7)
-    elastic = rayleigh_frequencies(model, rules, found.shapes[6:])
-    return of_modes(found, np.concatenate([np.zeros(6), elastic]), "80 bits")
-
-
-def joined_along(shared: str) -> Mesh:
-    """Two cubes that share an edge, a corner, or nothing."""
-    one = box((1.0, 1.0, 1.0), (2, 2, 2))
-    move = {"edge": (1.0, 1.0, 0.0), "corner": (1.0, 1.0, 1.0), "nothing": (3.0, 0.0, 0.0)}
-    points = np.concatenate([one.points, one.points + np.array(move[shared])])
-    cells = np.concatenate([one.cells["hex8"], one.cells["hex8"] + one.node_count])
-    merged, number = np.unique(points.round(9), axis=0, return_inverse=True)
-    return Mesh(merged, {"hex8": number.ravel()[cells]})
+    for kind, rule, cells in (("hex8", "incompatible", 12), ("hex20", "reduced", 8)):
+        ask = partial(free_plate, kind, rule, (cells, cells, 1))
+        yield VibrationCase("slenderness", f"free plate of width/thickness 200, {kind}", ask, 1e-7,
+                            quick=True)  # fmt: skip
 
 
 def _free() -> Iterator[VibrationCase]:
     """Free bodies, hinges, mechanisms, motions without stiffness."""
     small = partial(box, (2.0, 1.0, 0.5), (4, 2, 2))
     yield VibrationCase("free", "a block", partial(
-        beside_dense, lambda: Model(small(), _STEEL), 10), quick=True)  # fmt: skip
+        beside_dense, lambda: Model(small(), STEEL), 10), quick=True)  # fmt: skip
     for shared, count in (("nothing", 14), ("edge", 9), ("corner", 11)):
         yield VibrationCase("free", f"two cubes that share {shared}", partial(
-            beside_dense, lambda s=shared: Model(joined_along(s), _STEEL), count),
+            beside_dense, lambda s=shared: Model(joined_along(s), STEEL), count),
             quick=shared == "edge")  # fmt: skip
-    yield VibrationCase("free", "a hinge", partial(beside_dense, lambda: _held(
+    yield VibrationCase("free", "a hinge", partial(beside_dense, lambda: held(
         small(), lambda p: (p[:, 0] == 0.0) & (p[:, 2] == 0.0)), 5), quick=True)  # fmt: skip
-    yield VibrationCase("free", "held at one node", partial(beside_dense, lambda: _held(
+    yield VibrationCase("free", "held at one node", partial(beside_dense, lambda: held(
         small(), lambda p: (p == 0.0).all(axis=1)), 6))  # fmt: skip
-    yield VibrationCase("free", "slides along z", partial(beside_dense, _sliding, 4))
+    yield VibrationCase("free", "slides along z", partial(beside_dense, sliding, 4))
     yield VibrationCase("mechanism", "a cube held, one hangs on its edge", partial(
-        beside_dense, lambda: _held(joined_along("edge"), lambda p: p[:, 0] == 0.0), 4),
+        beside_dense, lambda: held(joined_along("edge"), lambda p: p[:, 0] == 0.0), 4),
         quick=True)  # fmt: skip
     yield VibrationCase("mechanism", "hex20 reduced, a single row", partial(
         _without_answer, lambda: clamped(bar("hex20", (6.0, 1.0, 1.0), (6, 1, 1))),
         formulation="reduced"), ending=TOLD, cause="reduced|stiffness", quick=True)  # fmt: skip
-    yield VibrationCase("mesh", "a node of no cell", partial(beside_dense, _unused_node, 4), 1e-8)
-
-
-def _held(mesh: Mesh, where: Callable[[Float], npt.NDArray[np.bool_]]) -> Model:
-    return Model(mesh, _STEEL, np.repeat(where(mesh.points)[:, None], 3, axis=1))
-
-
-def _sliding() -> Model:
-    mesh = box((2.0, 1.0, 0.5), (4, 2, 2))
-    fixed = np.zeros(mesh.points.shape, dtype=bool)
-    fixed[mesh.points[:, 0] == 0.0, :2] = True
-    return Model(mesh, _STEEL, fixed)
-
-
-def _unused_node() -> Model:
-    mesh = box((2.0, 1.0, 0.5), (4, 2, 2))
-    points = np.concatenate([mesh.points, [[5.0, 5.0, 5.0]]])
-    fixed = np.repeat(points[:, :1] == 0.0, 3, axis=1)
-    fixed[-1] = True
-    return Model(Mesh(points, mesh.cells), _STEEL, fixed)
+    yield VibrationCase("mesh", "a node of no cell", partial(beside_dense, unused_node, 4), 1e-8)
 
 
 def _without_answer(build: Callable[[], Model], count: int = 4, **options: Any) -> Answer:
@@ -238,50 +144,22 @@ def _nonsense() -> Iterator[VibrationCase]:
     for name, (options, cause) in wanted.items():
         many = name.startswith("a band with")
         yield VibrationCase("modes", name, partial(
-            _without_answer, _many if many else block, **options), ending=TOLD, cause=cause,
+            _without_answer, many_unknowns if many else block, **options), ending=TOLD, cause=cause,
             quick=not many)  # fmt: skip
     yield VibrationCase("modes", "a band without modes", lambda: of_modes(
         modes(block(), band=(0.0, 1.0)), np.zeros(0), "none"))  # fmt: skip
-    yield VibrationCase("prestress", "beyond buckling", partial(_pressed, 1.5), ending=TOLD,
+    yield VibrationCase("prestress", "beyond buckling", partial(pressed, 1.5), ending=TOLD,
                         cause="stable|buckling|definite", quick=True)  # fmt: skip
-    yield VibrationCase("prestress", "0.9 of buckling", partial(_pressed, 0.9), 0.1,
+    yield VibrationCase("prestress", "0.9 of buckling", partial(pressed, 0.9), 0.1,
                         same_mesh=False)  # fmt: skip
     yield VibrationCase("prestress", "of another model", lambda: of_modes(
         modes(block(), 3, prestress=solve(block(), backend="numpy")), NONE, "none"), ending=TOLD,
         cause="prestress")  # fmt: skip
 
 
-def _many() -> Model:
-    return clamped(box((2.0, 1.0, 0.5), (24, 14, 8)))
-
-
-def _pressed(share: float) -> Answer:
-    """A column under a share of the load that buckles it: f^2 falls with it."""
-    model = column(-1.0)
-    factor = float(dense_buckling(model)[0])
-    state = solve(column(-share * factor), backend="numpy")
-    assert state.model is not None
-    still = dense_modes(model).frequencies[0]
-    found = modes(state.model, 1, prestress=state)
-    expected = np.array([still * np.sqrt(max(1.0 - share, 0.0))]) if share < 1.0 else NONE
-    return of_modes(found, expected, "straight line to the dense load")
-
-
-def column(force: float) -> Model:
-    """20 x 1 x 1, moving in its plane, pulled at its end along x by a force."""
-    mesh = bar("hex20", (20.0, 1.0, 1.0), (8, 1, 1))
-    fixed = np.zeros(mesh.points.shape, dtype=bool)
-    fixed[:, 1] = True
-    fixed[mesh.points[:, 0] == 0.0] = True
-    end = select_faces(mesh, plane=((20.0, 0.0, 0.0), "+x"))
-    return Model(
-        mesh, Isotropic(1.0, 0.0, density=1.0), fixed, face_force(mesh, end, (force, 0, 0))
-    )
-
-
 def _buckling() -> Iterator[VibrationCase]:
-    yield VibrationCase("buckling", "a column", lambda: _buckled(column(-1.0)), 1e-6, quick=True)
-    yield VibrationCase("buckling", "pulled", lambda: _buckled(column(1.0), NONE), ending=TOLD,
+    yield VibrationCase("buckling", "a column", lambda: buckled(column(-1.0)), 1e-6, quick=True)
+    yield VibrationCase("buckling", "pulled", lambda: buckled(column(1.0), NONE), ending=TOLD,
                         cause="stiffens|positive", quick=True)  # fmt: skip
     changes: dict[str, tuple[Callable[[Model], Model], str]] = {
         "no load": (lambda m: replace(m, forces=None), "load"),
@@ -289,18 +167,10 @@ def _buckling() -> Iterator[VibrationCase]:
         "two load cases": (lambda m: replace(m, forces=np.stack([m.load_cases[0]] * 2)), "case"),
     }
     for name, (change, cause) in changes.items():
-        yield VibrationCase("buckling", name, lambda c=change: _buckled(c(column(-1.0)), NONE),
+        yield VibrationCase("buckling", name, lambda c=change: buckled(c(column(-1.0)), NONE),
                             ending=TOLD, cause=cause, quick=name == "no load")  # fmt: skip
-    yield VibrationCase("buckling", "a load of 1e-100", lambda: _buckled(
+    yield VibrationCase("buckling", "a load of 1e-100", lambda: buckled(
         column(-1e-100), dense_buckling(column(-1.0))[:1] * 1e100), 1e-6)  # fmt: skip
-
-
-def _buckled(model: Model, expected: Float | None = None) -> Answer:
-    found = buckling(model, 1)
-    expected = dense_buckling(model)[:1] if expected is None else expected
-    says = "; ".join([*found.warnings, "" if found.converged else found.message]).strip("; ")
-    return Answer(found.factors, expected, "dense", float(found.error_estimate.max()),
-                  found.converged, says, found.unknowns)  # fmt: skip
 
 
 def _response(**options: Any) -> Answer:
@@ -379,17 +249,15 @@ def _ground(values: list[float], end: float = 1.0) -> Answer:
 def _in_frequency() -> Iterator[VibrationCase]:
     """Resonances without damping, frequencies and spectra that make no sense."""
     light = ModalDamping(0.02)
-    for method in ("modal", "direct"):
-        damping: ModalDamping | Rayleigh = light if method == "modal" else Rayleigh(20.0, 0.0)
-        yield VibrationCase("in frequency", f"{method}, at a resonance", partial(
-            _amplitude, method, damping, 1.0), 1e-3, quick=True)  # fmt: skip
-        yield VibrationCase("in frequency", f"{method}, a resonance that nothing damps", partial(
-            _amplitude, method, None, 1.0), ending=TOLD, cause="resonance|damp")  # fmt: skip
-        for name, share in (("NaN", np.nan), ("below zero", -1.0)):
-            yield VibrationCase("in frequency", f"{method}, a frequency {name}", partial(
-                _amplitude, method, damping, share), ending=TOLD, cause="frequenc")  # fmt: skip
+    yield VibrationCase("in frequency", "at a resonance", partial(_amplitude, light, 1.0), 1e-3,
+                        quick=True)  # fmt: skip
+    yield VibrationCase("in frequency", "a resonance that nothing damps", partial(
+        _amplitude, None, 1.0), ending=TOLD, cause="resonance|damp")  # fmt: skip
+    for name, share in (("NaN", np.nan), ("below zero", -1.0)):
+        yield VibrationCase("in frequency", f"a frequency {name}", partial(
+            _amplitude, light, share), ending=TOLD, cause="frequenc")  # fmt: skip
     yield VibrationCase("in frequency", "beyond the last mode", partial(
-        _amplitude, "modal", light, 1e3), ending=TOLD, cause="mode|count", quick=True)  # fmt: skip
+        _amplitude, light, 1e3), ending=TOLD, cause="mode|count", quick=True)  # fmt: skip
     spectra = {"below zero": ([1.0, 10.0], [1.0, -1.0]), "NaN": ([1.0, 10.0], [1.0, np.nan]),
                "from 0 Hz": ([0.0, 10.0], [1.0, 1.0]), "that goes back": ([10.0, 1.0], [1.0, 1.0]),
                "of one frequency": ([1.0], [1.0])}  # fmt: skip
@@ -398,7 +266,7 @@ def _in_frequency() -> Iterator[VibrationCase]:
                             ending=TOLD, cause="psd", quick=name == "NaN")  # fmt: skip
 
 
-def _amplitude(method: str, damping: ModalDamping | Rayleigh | None, share: float) -> Answer:
+def _amplitude(damping: ModalDamping | None, share: float) -> Answer:
     """Of the end, at a ``share`` of the first frequency."""
     model = block()
     every = dense_modes(model)
@@ -410,7 +278,7 @@ def _amplitude(method: str, damping: ModalDamping | Rayleigh | None, share: floa
     else:
         ratios = damping.ratios(every.angular)
         expected = np.abs(every.harmonic(model.load_cases[0], at, ratios))[0, -1, 2:]
-    found = harmonic(model, at, damping=damping, method=method)
+    found = harmonic(model, at, damping=damping)
     return Answer(found.amplitude[0, -1, 2:], expected, "all modes, dense")
 
 

@@ -36,7 +36,14 @@ _ELEMENT = {
     ("hex8", "full"): "C3D8",
     ("tet10", "full"): "C3D10",
 }
-_THREADS = {"OMP_NUM_THREADS": "2", "CCX_NPROC_EQUATION_SOLVER": "2"}
+# of the machine's memory: a peer that wants more fails by itself
+_MEMORY = int(0.75 * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+_THREADS = {
+    "OMP_NUM_THREADS": "2",
+    "OPENBLAS_NUM_THREADS": "2",
+    "MKL_NUM_THREADS": "2",
+    "CCX_NPROC_EQUATION_SOLVER": "2",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,10 +68,15 @@ def eigensolvers(
             yield _eigensolver(folder, name, count, limit)
 
 
+def _bounded() -> None:
+    resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
+
+
 def _eigensolver(folder: str, name: str, count: int, limit: float) -> Run:
     program, variable, default = EIGENSOLVERS[name]
     python = os.environ.get(variable, default)
-    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    environment = {**os.environ, **_THREADS}
+    environment.pop("PYTHONPATH", None)
     try:
         done = subprocess.run(
             [python, str(_SCRIPT), folder, name, str(count)],
@@ -73,13 +85,15 @@ def _eigensolver(folder: str, name: str, count: int, limit: float) -> Run:
             text=True,
             env=environment,
             check=False,
+            preexec_fn=_bounded,
         )
     except FileNotFoundError:
         return Run(program, failed="missing")
     except subprocess.TimeoutExpired:
         return Run(program, failed=f"stopped after {limit:g} s")
     if done.returncode != 0:
-        return Run(program, failed=(done.stderr.strip().splitlines() or ["?"])[-1][:80])
+        said = done.stderr.strip().splitlines() or [f"ended with {done.returncode}"]
+        return Run(program, failed=said[-1][:80])
     found = json.loads(done.stdout.strip().splitlines()[-1])
     frequencies = np.sqrt(np.array(found["values"])) / (2.0 * np.pi)
     return Run(program, frequencies, found["processor"], found["wall"])
@@ -136,6 +150,7 @@ def _calculix(
                 env={**os.environ, **_THREADS},
                 timeout=limit,
                 check=False,
+                preexec_fn=_bounded,
             )
         except subprocess.TimeoutExpired:
             return Run(name, failed=f"stopped after {limit:g} s"), ""

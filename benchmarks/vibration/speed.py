@@ -37,7 +37,7 @@ _GUARDS = 4
 
 MODES_HEADINGS = (
     "case", "modes", "program", "unknowns", "processor s", "wall s", "error of f", "stated",
-    "share of its time",
+    "gpusim over it, processor and wall",
 )  # fmt: skip
 
 
@@ -144,7 +144,7 @@ def _error(values: Float, reference: Float) -> str:
 
 STEPS_HEADINGS = (
     "case", "program", "unknowns", "steps", "processor s", "wall s", "ms a step",
-    "iterations a step", "static solves", "differs", "share of its time a step",
+    "iterations a step", "static solves", "differs", "gpusim over it, a step",
 )  # fmt: skip
 _PERIOD = 100.0
 """Steps in the first period."""

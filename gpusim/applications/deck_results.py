@@ -64,7 +64,7 @@ def _(result: History) -> Fields:
 
 @nodal_fields.register
 def _(result: HarmonicResponse) -> Fields:
-    k, *_ = _greatest(_responses(result))
+    k = int(np.argmax([size.max() for size in _responses(result)]))
     return {"u": result.at(k), "u_quarter": result.at(k, np.pi / 2)}
 
 
@@ -91,31 +91,17 @@ def _(result: Buckling, deck: Deck) -> Fields:
 
 @summary.register
 def _(result: History, deck: Deck) -> Fields:
-    k, node, size = _greatest(result.u[k] for k in range(len(result.times)))
-    return {
-        "kind": "history",
-        "instants": len(result.times),
-        "largest_displacement": size,
-        "largest_displacement_node": int(deck.node_labels[node]),
-        "at_time": float(result.times[k]),
-        "method": result.method,
-        "message": result.message,
-        "converged": True,
-    }
+    k, largest = _largest(deck, (result.u[k] for k in range(len(result.times))))
+    told = {"instants": len(result.times), "at_time": float(result.times[k])}
+    how = {"method": result.method, "message": result.message}
+    return {"kind": "history", "converged": True} | largest | told | how
 
 
 @summary.register
 def _(result: HarmonicResponse, deck: Deck) -> Fields:
-    k, node, size = _greatest(_responses(result))
-    return {
-        "kind": "harmonic response",
-        "frequencies": result.frequencies.tolist(),
-        "largest_displacement": size,
-        "largest_displacement_node": int(deck.node_labels[node]),
-        "at_frequency": float(result.frequencies[k]),
-        "message": "",
-        "converged": True,
-    }
+    k, largest = _largest(deck, _responses(result))
+    at = {"frequencies": result.frequencies.tolist(), "at_frequency": float(result.frequencies[k])}
+    return {"kind": "harmonic response", "converged": True, "message": ""} | largest | at
 
 
 def _found(result: Modes | Buckling) -> Fields:
@@ -131,16 +117,14 @@ def _found(result: Modes | Buckling) -> Fields:
 
 def _responses(result: HarmonicResponse) -> Iterator[Float]:
     """(N,3) amplitudes at each frequency."""
-    for coordinates in result.coordinates:
-        yield np.abs(np.tensordot(coordinates, result.shapes, axes=1))
+    return (np.abs(np.tensordot(one, result.shapes, axes=1)) for one in result.coordinates)
 
 
-def _greatest(displacements: Iterable[Float]) -> tuple[int, int, float]:
-    """Which of displacements (N,3) has the greatest one, of which node, and how great it is."""
-    places = []
-    for k, u in enumerate(displacements):
-        size = np.linalg.norm(u, axis=1)
-        node = int(size.argmax())
-        places.append((float(size[node]), -k, node))
-    size, k, node = max(places)
-    return -k, node, size
+def _largest(deck: Deck, displacements: Iterable[Float]) -> tuple[int, Fields]:
+    """Which of displacements (N,3) has the largest one, how large it is, and where."""
+    lengths = (np.linalg.norm(u, axis=1) for u in displacements)
+    places = [(float(one.max()), int(one.argmax())) for one in lengths]
+    k = int(np.argmax([size for size, _ in places]))
+    size, node = places[k]
+    label = int(deck.node_labels[node])
+    return k, {"largest_displacement": size, "largest_displacement_node": label}

@@ -136,22 +136,14 @@ class Deck:
         results: list[Result] = []
         for step in self.steps:
             analysis = Analysis(
-                path=self.path,
-                steps=self.steps,
-                materials=self.materials,
-                formulation=self.formulation,
-                nonlinear=self.nonlinear,
-                initial_motion=self.initial_motion,
-                damping=self.damping,
-                loss_factor=self.loss_factor,
-                model_of=self.model_of,
-                tolerance=tolerance,
-                method=method,
-                static=found,
-                before=tuple(results),
-            )
+                path=self.path, steps=self.steps, materials=self.materials, model_of=self.model_of,
+                formulation=self.formulation, nonlinear=self.nonlinear, damping=self.damping,
+                loss_factor=self.loss_factor, initial_motion=self.initial_motion, method=method,
+                tolerance=tolerance, static=found, before=tuple(results),
+            )  # fmt: skip
             results.append(step.procedure.solve(step, analysis))
-        return tuple(results)
+        pairs = zip(self.steps, results, strict=True)
+        return tuple(step.procedure.shown(result) for step, result in pairs)
 
     def point_stress(self, number: int, u: npt.ArrayLike | Solution) -> Mapping[str, Float]:
         """Stress at the integration points of each element for ``u`` (N,3) of step ``number``, or

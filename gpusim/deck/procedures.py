@@ -8,7 +8,7 @@ from math import inf
 
 from gpusim.deck.increments import Increments
 from gpusim.deck.materials import at_finite_strain
-from gpusim.deck.step import Analysis, Procedure, Step
+from gpusim.deck.step import Analysis, Procedure, Result, Step
 from gpusim.errors import NotConverged
 from gpusim.fem import Buckling, Modes, Solution, buckling, modes
 from gpusim.mesh.formats.abaqus.cards import Card, number
@@ -66,17 +66,21 @@ class Frequency(Procedure):
         return "PERTURBATION about no step; expected a step with *STATIC before it" * alone
 
     def solve(self, step: Step, analysis: Analysis) -> Modes:
-        """As in CalculiX those beyond the band are counted, too."""
+        """Also of those beyond the band, which CalculiX counts and superposes."""
         about, names = equilibrium(step, analysis), analysis.formulation
         model = analysis.model_of([step]) if about is None else about.model
         assert model is not None
-        found = modes(
+        return modes(
             model, self.count, mass=MASS, formulation=names, prestress=about, method=analysis.method
         )
-        at = found.frequencies
+
+    def shown(self, result: Result) -> Result:
+        """Those in the band."""
+        assert isinstance(result, Modes)
+        at = result.frequencies
         inside = (at >= self.least) & (at <= self.greatest)
-        chosen = {name: getattr(found, name)[inside] for name in _OF_MODES}
-        return replace(found, **chosen, rigid=found.rigid[: inside[: len(found.rigid)].sum()])
+        chosen = {name: getattr(result, name)[inside] for name in _OF_MODES}
+        return replace(result, **chosen, rigid=result.rigid[: inside[: len(result.rigid)].sum()])
 
 
 @dataclass(frozen=True)

@@ -129,6 +129,10 @@ class Procedure(ABC):
     def solve(self, step: Step, analysis: Analysis) -> Result:
         """The result of a step."""
 
+    def shown(self, result: Result) -> Result:
+        """What was asked for of it."""
+        return result
+
 
 @dataclass(frozen=True, eq=False)
 class Analysis:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -196,36 +196,27 @@ class History:
 
     def _unfit(self, step: _Open, procedure: Procedure) -> str:
         """What speaks against a procedure in this deck, if anything."""
-        body, about = self.body, step.perturbation
+        body, about, moves = self.body, step.perturbation, isinstance(procedure, Dynamics)
         spun = any(one.kind == "CENTRIF" for one in self.forces.bodies)
-        moves = isinstance(procedure, Dynamics)
-        problems = {
-            "PERTURBATION in the first step of a nonlinear deck": (
-                about and body.nonlinear and not self.steps
-            ),
-            "PERTURBATION about a state with CENTRIF, which changes as the body moves": (
-                about and spun
-            ),
-            "PERTURBATION about metal, of whose state only its stress is known": (
-                about and body.has_history
-            ),
-            "initial stress, which other steps than *STATIC don't know": (
-                bool(self.stress.values) and not isinstance(procedure, Static)
-            ),
-            f"motion before the first step ({self.motion.where}), which isn't *DYNAMIC": (
-                bool(self.motion.where) and not self.steps and not moves
-            ),
-            "BETA of *DAMPING at large displacements, where it would damp rotations": (
-                moves and body.nonlinear and body.damping.stiffness > 0.0
-            ),
-            "AMPLITUDE=RAMP of *STEP; expected loads that are there at once": (
-                procedure.moves and step.card.parameters.get("AMPLITUDE", "").upper() == "RAMP"
-            ),
-            "*BUCKLE at large displacements; expected linear statics": (
-                body.nonlinear and isinstance(procedure, LinearBuckling)
-            ),
-        }
-        return next((text for text, found in problems.items() if found), "")
+        ramp = step.card.parameters.get("AMPLITUDE", "").upper() == "RAMP"
+        stressed = bool(self.stress.values) and not isinstance(procedure, Static)
+        thrown = bool(self.motion.where) and not self.steps and not moves
+        problems = [
+            (about and body.nonlinear and not self.steps,
+             "PERTURBATION in the first step of a nonlinear deck"),
+            (about and spun, "PERTURBATION about a state with CENTRIF, which changes with motion"),
+            (about and body.has_history,
+             "PERTURBATION about metal, of whose state only its stress is known"),
+            (stressed, "initial stress, which other steps than *STATIC don't know"),
+            (thrown, f"motion before the first step ({self.motion.where}), which isn't *DYNAMIC"),
+            (moves and body.nonlinear and body.damping.stiffness > 0.0,
+             "BETA of *DAMPING at large displacements, where it would damp rotations"),
+            (procedure.moves and ramp,
+             "AMPLITUDE=RAMP of *STEP; expected loads that are there at once"),
+            (body.nonlinear and isinstance(procedure, LinearBuckling),
+             "*BUCKLE at large displacements; expected linear statics"),
+        ]  # fmt: skip
+        return next((text for found, text in problems if found), "")
 
     def _modal_damping(self, card: Card) -> None:
         self._inside(card)
@@ -271,12 +262,7 @@ class History:
         )
         motion = self._motion(step, interval) if procedure.moves else None
         of_motion = [] if motion is None else motion.cases
-        pulled = any(one.prescribed.any() for one in of_motion)
-        if pulled and (step.perturbation or isinstance(procedure, Dynamics)):
-            step.card.fail("displacements of supports; expected none with *DYNAMIC, nor about a "
-                           "stressed state")  # fmt: skip
-        if any(one.temperature is not None and one.temperature.any() for one in of_motion):
-            step.card.fail("a changed temperature where the body moves; expected *STATIC")
+        self._refuse_pulled(step, of_motion)
         for one in (*path, state, *of_motion) if self.body.nonlinear else of_motion:
             if not one.held_as((*self.steps, *path, state)[0] if self.body.nonlinear else state):
                 step.card.fail(
@@ -295,21 +281,25 @@ class History:
             wanted = begin + increments.ends(step.card)
             wanted[-1] = self.time
         wanted = merged(on_the_way, wanted, increments.period)
-        self.steps.append(
-            replace(
-                state,
-                path=tuple(path),
-                increments=wanted,
-                motion=motion,
-                damping=self.damping,
-                perturbation=step.perturbation,
-            )
-        )
+        self.steps.append(replace(
+            state, path=tuple(path), increments=wanted, motion=motion, damping=self.damping,
+            perturbation=step.perturbation,
+        ))  # fmt: skip
         moment = Moment(self.amplitudes.factors(self.time))
         self.forces.end(moment)
         self.constraints.given.end(moment)
         if self.temperature is not None:
             self.temperature.end(moment)
+
+    def _refuse_pulled(self, step: _Open, cases: Sequence[Step]) -> None:
+        """What can't act where the body moves."""
+        turned = any(one.right.any() for case in cases for one in case.constraints)
+        pulled = turned or any(case.prescribed.any() for case in cases)
+        if pulled and (turned or step.perturbation or isinstance(step.procedure, Dynamics)):
+            step.card.fail("displacements of supports; expected none with *DYNAMIC, in turned axes "
+                           "or about a stressed state")  # fmt: skip
+        if any(case.temperature is not None and case.temperature.any() for case in cases):
+            step.card.fail("a changed temperature where the body moves; expected *STATIC")
 
     def _motion(self, step: _Open, interval: Interval) -> Motion:
         """What acts in it, sorted by what it follows."""

@@ -23,12 +23,9 @@ In the order in which data passes:
 
 from __future__ import annotations
 
-from gpusim.fem.dynamics.frequency_response import frequency_response
-from gpusim.fem.dynamics.harmonic import harmonic
-from gpusim.fem.dynamics.random_response import RandomResponse, random_response
-from gpusim.fem.dynamics.transient import transient
-from gpusim.fem.eigenvalues.buckling import buckling
-from gpusim.fem.eigenvalues.modes import modes
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from gpusim.fem.linear.solve_plan import METHODS
 from gpusim.fem.materials.hardening import Voce
 from gpusim.fem.materials.hencky import Hencky
@@ -39,12 +36,8 @@ from gpusim.fem.materials.law import Law, Material, Update
 from gpusim.fem.materials.neo_hookean import NeoHookean
 from gpusim.fem.materials.orthotropic import Orthotropic
 from gpusim.fem.materials.saint_venant_kirchhoff import SaintVenantKirchhoff
-from gpusim.fem.model.buckling import Buckling
 from gpusim.fem.model.constraints import Equations, equations, tie
-from gpusim.fem.model.damping import ModalDamping, Rayleigh, StructuralDamping
 from gpusim.fem.model.follower_loads import FollowerPressure
-from gpusim.fem.model.harmonic_response import HarmonicResponse
-from gpusim.fem.model.history import EnergyHistory, History
 from gpusim.fem.model.loads import (
     body_force,
     centrifugal,
@@ -56,14 +49,46 @@ from gpusim.fem.model.loads import (
 )
 from gpusim.fem.model.mass import lumped_mass, mass_matrix
 from gpusim.fem.model.model import Model
-from gpusim.fem.model.modes import Modes
-from gpusim.fem.model.record import Record, read_record
 from gpusim.fem.model.solution import LoadStep, Solution
 from gpusim.fem.model.supports import symmetry
 from gpusim.fem.model.thermal_loads import thermal
 from gpusim.fem.procedures.statics import solve
 from gpusim.fem.recovery.stress import Stress, principal, stress, von_mises
 
+if TYPE_CHECKING:
+    from gpusim.fem.dynamics.frequency_response import frequency_response
+    from gpusim.fem.dynamics.harmonic import harmonic
+    from gpusim.fem.dynamics.random_response import RandomResponse, random_response
+    from gpusim.fem.dynamics.transient import transient
+    from gpusim.fem.eigenvalues.buckling import buckling
+    from gpusim.fem.eigenvalues.modes import modes
+    from gpusim.fem.model.buckling import Buckling
+    from gpusim.fem.model.damping import ModalDamping, Rayleigh, StructuralDamping
+    from gpusim.fem.model.harmonic_response import HarmonicResponse
+    from gpusim.fem.model.history import EnergyHistory, History
+    from gpusim.fem.model.modes import Modes
+    from gpusim.fem.model.record import Record, read_record
+
+# what statics don't need isn't loaded before it is asked for
+_LATER = {
+    "Buckling": "model.buckling",
+    "EnergyHistory": "model.history",
+    "HarmonicResponse": "model.harmonic_response",
+    "History": "model.history",
+    "ModalDamping": "model.damping",
+    "Modes": "model.modes",
+    "RandomResponse": "dynamics.random_response",
+    "Rayleigh": "model.damping",
+    "Record": "model.record",
+    "StructuralDamping": "model.damping",
+    "buckling": "eigenvalues.buckling",
+    "frequency_response": "dynamics.frequency_response",
+    "harmonic": "dynamics.harmonic",
+    "modes": "eigenvalues.modes",
+    "random_response": "dynamics.random_response",
+    "read_record": "model.record",
+    "transient": "dynamics.transient",
+}
 __all__ = [
     "J2",
     "METHODS",
@@ -118,6 +143,12 @@ __all__ = [
     "transient",
     "von_mises",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _LATER:
+        return getattr(import_module(f"gpusim.fem.{_LATER[name]}"), name)
+    raise AttributeError(f"module 'gpusim.fem' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

@@ -22,174 +22,13 @@ from gpusim.applications import solve_deck
 from gpusim.deck import Deck, load_deck
 from gpusim.deck.step import Result
 from gpusim.errors import InputError, NotConverged
+from tests.support.calculix_answers import REFERENCES
 from tests.support.calculix_output import Answer, difference, printed
 from tests.support.deck_texts import FIXED, LABELS, MATERIAL, METAL, MODEL, deck, step, write
 from tests.support.vibration_decks import DECKS
 
 # of frequencies and factors; of displacements, over the greatest at that time
 SAME, ALIKE = 1e-6, 2e-6
-
-REFERENCES: dict[str, list[Answer]] = {
-    "modes_c3d8": [("modes", [17309.27, 17526.66, 100847.5, 104864.7, 105959.6, 165222.2])],
-    "modes_c3d20": [("modes", [13524.53, 13524.53, 83231.3, 83231.3, 100565.3, 164195.8])],
-    "modes_c3d20r": [("modes", [13115.02, 13115.02, 78038.1, 78038.1, 94144.35, 162801.5])],
-    "modes_c3d4": [("modes", [121261.4, 135898.1, 450033.7, 456475.8, 554564.6, 578887.9])],
-    "modes_c3d10": [("modes", [52334.93, 52770.74, 202526.0, 270518.3, 280413.4, 329268.4])],
-    "modes_c3d6": [("modes", [94639.67, 128242.4, 355869.1, 447211.0, 487973.2, 573165.0])],
-    "modes_c3d15": [("modes", [52252.83, 52304.08, 201301.0, 268623.9, 278032.9, 328360.9])],
-    "modes_pulled": [("modes", [16844.14, 16844.14, 82908.41, 82908.41, 94410.19, 163384.9])],
-    "modes_pulled_far": [("modes", [16836.61, 16836.61, 82897.25, 82897.25, 94409.36, 163383.0])],
-    "modes_pressed": [("modes", [17269.78, 17535.08, 100935.0, 104884.8, 106038.0, 165575.2])],
-    "modal_about": [
-        ("modes", [20308.92, 20488.71, 101048.7, 108522.5, 109568.8, 165796.4]),
-        ("motion", (1.000032, 14, [-0.0005455609, -1.009209e-15, -0.006020138])),
-        ("motion", (1.00006, 14, [-0.000334031, 8.325489e-16, -0.003461219])),
-    ],
-    "buckled_c3d8": [("buckling", [11.89291, 12.22306, 102.9121])],
-    "buckled_c3d20r": [("buckling", [6.754147, 6.754147, 56.21552])],
-    "modal": [
-        ("modes", [17309.27, 17526.66, 100847.5, 104864.7, 105959.6, 165222.2]),
-        ("motion", (6.4e-05, 7, [0.0003864352, 0.0006701497, 0.003288284])),
-        ("motion", (0.0001, 21, [-0.0007405462, 0.007184169, -0.001081603])),
-    ],
-    "modal_let_go": [
-        ("modes", [17309.27, 17526.66, 100847.5, 104864.7, 105959.6, 165222.2]),
-        ("motion", (1.000024, 14, [-0.002167123, 2.429741e-15, -0.02360815])),
-        ("motion", (1.00004, 14, [-0.0006644286, 7.524577e-15, -0.007862428])),
-    ],
-    "steady_rayleigh": [
-        ("modes", [17309.27, 17526.66, 100847.5, 104864.7, 105959.6, 165222.2]),
-        (
-            "response",
-            (
-                10000.0,
-                14,
-                [
-                    (-0.0007054287 + 2.822817e-05j),
-                    (1.265747e-15 - 9.111255e-17j),
-                    (-0.007874462 + 0.0003243018j),
-                ],
-            ),
-        ),
-        (
-            "response",
-            (
-                17526.66,
-                14,
-                [
-                    (-4.17896e-05 + 0.009112423j),
-                    (-1.869664e-13 + 8.949807e-14j),
-                    (-0.0001384562 + 0.1061276j),
-                ],
-            ),
-        ),
-    ],
-    "steady_loss": [
-        ("modes", [17309.27, 17526.66, 100847.5, 104864.7, 105959.6, 165222.2]),
-        (
-            "response",
-            (
-                5000.0,
-                21,
-                [
-                    (0.0006367654 + 0.002426912j),
-                    (-0.001212967 - 0.02692374j),
-                    (0.005814697 - 0.0002584965j),
-                ],
-            ),
-        ),
-        (
-            "response",
-            (
-                17309.27,
-                21,
-                [
-                    (0.05612497 - 0.005385825j),
-                    (-0.6283446 - 0.001156277j),
-                    (0.0238608 - 0.06681966j),
-                ],
-            ),
-        ),
-    ],
-    "steady_displacement": [
-        ("modes", [17309.27, 17526.66, 100847.5, 104864.7, 105959.6, 165222.2]),
-        (
-            "response",
-            (
-                10000.0,
-                14,
-                [
-                    (0.0619921 - 0.00489564j),
-                    (-4.392678e-13 + 2.949506e-14j),
-                    (1.740692 - 0.08499984j),
-                ],
-            ),
-        ),
-        (
-            "response",
-            (
-                17526.66,
-                14,
-                [(-0.140784 - 2.709427j), (5.598286e-11 - 2.613585e-11j), (-0.5814389 - 31.60859j)],
-            ),
-        ),
-    ],
-    "steady_acceleration": [
-        ("modes", [17309.27, 17526.66, 100847.5, 104864.7, 105959.6, 165222.2]),
-        (
-            "response",
-            (
-                10000.0,
-                14,
-                [
-                    (-1.570278e-11 + 1.24008e-12j),
-                    (1.108491e-22 - 7.452592e-24j),
-                    (-4.409224e-10 + 2.153071e-11j),
-                ],
-            ),
-        ),
-        (
-            "response",
-            (
-                17480.72,
-                14,
-                [
-                    (-1.210953e-11 + 2.226542e-10j),
-                    (-5.17696e-21 + 1.281273e-21j),
-                    (-2.287465e-10 + 2.597542e-09j),
-                ],
-            ),
-        ),
-    ],
-    "direct": [
-        ("motion", (3.2e-05, 14, [-0.0007969454, 2.288052e-16, -0.008816651])),
-        ("motion", (6e-05, 14, [-0.000294396, -4.18458e-16, -0.002965238])),
-    ],
-    "direct_alpha": [
-        ("motion", (3.2e-05, 16, [-1.015872e-18, -7.552115e-19, -0.009745085])),
-        ("motion", (6e-05, 46, [-6.163757e-05, -1.879207e-07, -0.0003850856])),
-    ],
-    "growing": [
-        ("motion", (2.3e-05, 14, [-0.0008509078, 1.086314e-18, -0.009327356])),
-        ("motion", (6e-05, 14, [-0.0001710626, 1.078769e-18, -0.001342431])),
-    ],
-    "thrown": [
-        ("motion", (2.4e-05, 7, [-0.002017191, -0.004007021, -0.008420929])),
-        ("motion", (4e-05, 21, [0.0006495277, 0.0001099323, 0.01252173])),
-    ],
-    "again": [
-        ("motion", (4.4e-05, 14, [-0.0002547866, 1.022264e-18, -0.002940178])),
-        ("motion", (8e-05, 14, [-0.0003217292, -1.785823e-19, -0.003595807])),
-    ],
-    "far": [
-        ("motion", (2.4e-05, 14, [-0.3447412, -1.490751e-16, 2.81862])),
-        ("motion", (4e-05, 14, [-0.09638767, 7.483942e-16, 1.942944])),
-    ],
-    "let_go": [
-        ("motion", (1.000024, 35, [-0.1337097, -3.066259e-16, -2.067527])),
-        ("motion", (1.00004, 35, [0.01909357, 1.109477e-15, -0.9065667])),
-    ],
-}
 
 
 @pytest.fixture(scope="module")
@@ -328,6 +167,15 @@ def test_only_modes_in_the_band(tmp_path: Path) -> None:
     (found,) = load_deck(write(tmp_path, deck(band))).solve()
     np.testing.assert_array_equal(found.frequencies, every.frequencies[1:])
     assert found.shapes.shape == (2, 12, 3) and not found.rigid
+
+
+def test_modes_beyond_the_band_are_superposed(tmp_path: Path) -> None:
+    """As CalculiX does, which doesn't print them."""
+    _, whole = load_deck(write(tmp_path, deck(MODES, MODAL))).solve()
+    none = MODES.replace("3\n", "3, 0., 1.E-6\n")
+    modes, history = load_deck(write(tmp_path, deck(none, MODAL))).solve()
+    assert len(modes.frequencies) == 0 and np.abs(history.u).max() > 0.0
+    np.testing.assert_array_equal(history.u, whole.u)
 
 
 def test_free_bodies_have_rigid_modes(tmp_path: Path) -> None:

@@ -89,10 +89,25 @@ ALL, 10.
 _CARDS = ["*CLOAD, AMPLITUDE=A", "RIGHT, 2, 1.", "*DLOAD", "BRICKS, P1, 2.",
           "BRICKS, GRAV, 9.81, 0., 0., -1.", "*DSLOAD", "END, P, 1.", "*TEMPERATURE", "ALL, 30.",
           "*BOUNDARY", "13, 3, 3, 0.01"]  # fmt: skip
+_RECORD = "*AMPLITUDE, NAME=A\n0., 0., 1., 2.\n"
+_DAMPED = MATERIAL.replace("*DENSITY", "*DAMPING, ALPHA=0.1, BETA=0.01\n*DENSITY")
+_VIBRATION = "".join([
+    step("*CLOAD", "22, 1, 1."),
+    step("2, 0., 9.", static="*FREQUENCY"),
+    step("*CLOAD, AMPLITUDE=A", "22, 2, 1.", "*MODAL DAMPING", "1, 2, 0.1",
+         static="*MODAL DYNAMIC\n0.1, 0.5"),
+    step("*MODAL DAMPING, RAYLEIGH", ",, 0.1, 0.2", "*CLOAD, LOAD CASE=2", "22, 3, 1.",
+         "*BASE MOTION, DOF=1, AMPLITUDE=A", static="*STEADY STATE DYNAMICS\n0.1, 2., 5, 3."),
+    step("*CLOAD", "22, 1, -1.", static="*BUCKLE\n2, 0.01"),
+])  # fmt: skip
+_THROWN = "*INITIAL CONDITIONS, TYPE=VELOCITY\nRIGHT, 3, -1.\n"
+_FLIGHT = step("*DLOAD", "BRICKS, GRAV, 9.81, 0., 0., -1.", static="*DYNAMIC, ALPHA=-0.1\n0.1, 1.")
 SEEDS: dict[str, str] = {
     "deck.inp": deck(_MORE, step(*_CARDS), step("*CLOAD, OP=NEW", "22, 1, 1.")),
     "generated.inp": deck(step("*CLOAD", "135, 3, 1."), model=GENERATED, material=MATERIAL,
                           fixed=FIXED),
+    "vibration.inp": deck(_VIBRATION, model=MODEL + _RECORD, material=_DAMPED),
+    "flight.inp": deck(_THROWN, _FLIGHT),
     "assembly.inp": ASSEMBLY + step("*CLOAD", "P-2.22, 1, 1."),
     "brick.bdf": BDF,
 }  # fmt: skip
@@ -111,6 +126,9 @@ _WORDS = [
     "*STEP",
     "*END STEP",
     "*STATIC",
+    "*FREQUENCY",
+    "*MODAL DYNAMIC",
+    "*DYNAMIC",
     "*PART, NAME=Q",
     "*END PART",
     "*EQUATION",

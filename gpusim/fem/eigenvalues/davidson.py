@@ -38,9 +38,12 @@ _CORRECTED = 2.0
 _FRESH, _LOOKS = 2, 6
 # rows whose share that isn't in the others' span is less, squared
 _DEPENDENT = 1e-12
+# share of a row's energy outside of the basis up to which that is rounding: exact corrections have
+# none in it
+_NOTHING_NEW = 1e-8
 # passes at most; least eigenvalue of unit rows' products from which on they are made orthonormal
-# without loss, and shares of the basis' rows in them that once more takes off
-_PASSES, _WELL, _APART = 4, 1e-3, 1e-8
+# without loss, and shares of the basis' rows that may stay in them
+_PASSES, _WELL, _APART = 4, 1e-3, 1e-11
 # steps after which it won't get there
 _STEPS, _STEPS_OF_EACH = 60, 8
 # of values: less is no motion of them
@@ -147,9 +150,15 @@ class _Basis:
         image, well = new, False
         for number in range(_PASSES):
             shares = new @ energy.T
+            if not len(new) or (well and np.abs(shares).max(initial=0.0) < _APART):
+                break
             new = new - shares @ rows
             # what is taken off unit rows is rounding: it needs no product
             image = image - shares @ energy if well else self._pencil.energy(new)
+            if not number:
+                taken = np.einsum("ij,ij->i", shares, shares)
+                stale = np.abs(np.einsum("ij,ij->i", new, image)) <= _NOTHING_NEW * taken
+                new, image = new[~stale], image[~stale]
             gram = new @ image.T
             _require_definite(new, image, gram.diagonal())
             size = 1.0 / np.sqrt(np.maximum(gram.diagonal(), 1e-300))
@@ -160,8 +169,6 @@ class _Basis:
             turn = (vectors[:, good] / np.sqrt(values[good])).T * size
             new, image = turn @ new, turn @ image
             well = bool((values > _WELL).all())
-            if not len(new) or (number and well and np.abs(shares).max(initial=0.0) < _APART):
-                break
         return new, image
 
 
@@ -183,6 +190,7 @@ class _Errors:
     def __init__(self, count: int, guards: int, tolerance: float) -> None:
         self._count, self._tolerance = count, tolerance
         self.eta, self._values = np.full(count + guards, np.inf), np.zeros(count + guards)
+        self._settled = np.zeros(count + guards, dtype=bool)
 
     def open(self, values: Float, negligible: float) -> Long:
         """Those of the Ritz ``values`` (m,) that aren't good enough yet."""
@@ -192,11 +200,19 @@ class _Errors:
         moved = np.abs(ritz - self._values[here])
         same = moved <= np.maximum(self.eta[here], _ROUNDING) * np.abs(ritz)
         self.eta[here][~same] = np.inf
+        self._settled[here] &= same
         gap = gaps(values, len(ritz))
         aims = np.sqrt(self._tolerance * np.minimum((_CORRECTED * gap) ** 2, gap / _SAFETY))
         wanted = np.arange(len(ritz)) < self._count
         good = self.eta[here] <= np.where(wanted, aims, _GUARD_ERROR)
+        good |= self._settled[here]
         return np.flatnonzero(~good & (ritz > negligible * np.abs(values).max()))
+
+    def settle(self, which: Long) -> bool:
+        """Rounding hides what is left of the error of ``which`` values; False where it is known of
+        none."""
+        self._settled[which] = np.isfinite(self.eta[which])
+        return bool(self._settled[which].any())
 
     def tell(self, which: Long, values: Float, squares: Float) -> None:
         """Residual times correction of ``which`` values (m,)."""
@@ -246,12 +262,13 @@ def davidson(
         if progress is not None:
             progress(step + 1, float(errors.eta[:count].max()))
         if not basis.fits(len(new)):
-            keep = wanted + block
-            basis.restart(values[:keep], shares[:keep])
+            # and the least value, which tells of the other end
+            keep = np.append(np.arange(wanted + block), len(values) - 1)
+            basis.restart(values[keep], shares[keep])
         if len(new):
             added = basis.extend(new)
-            if not added:
-                # nothing is left to be found, or rounding hides it
+            if not added and not errors.settle(todo):
+                # nothing is left to be found, or nothing is known of what is
                 break
     values, shares = basis.ritz()
     found, eta = slice(min(count, len(values))), errors.eta[:count]

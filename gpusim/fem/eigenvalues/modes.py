@@ -14,7 +14,7 @@ from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
 from gpusim.fem.eigenvalues.davidson import Pencil, davidson
 from gpusim.fem.eigenvalues.rayleigh_quotients import AIM, rayleigh_ritz, sharpened
 from gpusim.fem.eigenvalues.rigid_body_modes import RigidBodyModes, rigid_body_modes
-from gpusim.fem.linear.shifted_solver import definite_solver
+from gpusim.fem.linear.shifted_solver import ShiftedSolver, definite_solver, with_factors
 from gpusim.fem.linear.solve_plan import METHODS, Clock, Options
 from gpusim.fem.model.mass import MASS_RULES
 from gpusim.fem.model.model import Model, resolve_formulation
@@ -29,6 +29,8 @@ from gpusim.validation import Count, checked, finite_numbers, one_of, require
 _MOST = 1000
 # share of the free memory that the basis of the iteration may take
 _MEMORY = 0.5
+# of the greatest 1 / lambda: less belongs to motions without mass
+_MASSLESS = 1e-15
 # rows to begin with; times that a shift is brought nearer to the lowest elastic value, and of that
 # the multiple beyond which modes are hard to tell apart
 _START, _SHIFTS, _FAR = 8, 6, 2.0
@@ -87,22 +89,12 @@ def modes(
     require(isinstance(model, Model), "modes model", type(model).__name__, "a Model")
     called = progress is None or callable(progress)
     require(called, "modes progress", repr(progress), "a function, or None")
-    if prestress is not None:
-        expected = "a Solution of this model"
-        require(prestress.model is model, "modes prestress", "one of another model", expected)
-    limits = None
-    if band is not None:
-        expected = "(low, high) in Hz, 0 <= low < high"
-        limits = finite_numbers(band, "modes: band", [(2,)], expected)
-        require(bool(0.0 <= limits[0] < limits[1]), "modes: band", band, expected)
+    limits = None if band is None else _limits(band)
     keep_freed_memory()
     names, clock = resolve_formulation(model, formulation), Clock()
     options = Options(method, None, "numpy", tolerance, None, None, progress, names, clock)
     with one_blas_thread():
-        if prestress is None:
-            equation = EquationOfMotion.of(model, names, mass)
-        else:
-            equation = EquationOfMotion.at(prestress, names, mass)
+        equation = _equation(model, names, mass, prestress)
         clock.mark("assembly")
         rigid = rigid_body_modes(equation)
         unknowns = int(equation.unknown.sum())
@@ -118,6 +110,24 @@ def modes(
         if limits is not None:
             found = search.up_to((2.0 * np.pi * limits[1]) ** 2, found)
         return _result(search, found, limits, int(count))
+
+
+def _limits(band: tuple[float, float]) -> Float:
+    expected = "(low, high) in Hz, 0 <= low < high"
+    limits = finite_numbers(band, "modes: band", [(2,)], expected)
+    require(bool(0.0 <= limits[0] < limits[1]), "modes: band", band, expected)
+    return limits
+
+
+def _equation(
+    model: Model, formulation: Mapping[str, str], mass: str, prestress: Solution | None
+) -> EquationOfMotion:
+    if prestress is None:
+        return EquationOfMotion.of(model, formulation, mass)
+    own = isinstance(prestress, Solution) and prestress.model is model
+    got, expected = type(prestress).__name__, "a Solution of this model"
+    require(own, "modes prestress", got, expected)
+    return EquationOfMotion.at(prestress, formulation, mass)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,12 +166,15 @@ class _Search:
         return rows - (rows @ self.equation.inertia(self.rigid.rows).T) @ self.rigid.rows
 
     def _prepare(self) -> None:
-        self.solver = solver = definite_solver(self.equation, self.shift, self.options)
+        self._take(definite_solver(self.equation, self.shift, self.options))
+
+    def _take(self, solver: ShiftedSolver) -> None:
+        self.solver = solver
         # A-orthonormal: rigid motions have the energy of the shift alone
         known = self.rigid.rows / np.sqrt(self.shift or 1.0)
         self._pencil = Pencil(
             solver.energy, self.equation.inertia, solver.apply, self.equation.unknown, known,
-            solver.weakest,
+            solver.weakest, _MASSLESS,
         )  # fmt: skip
 
     def lowest(self, count: int) -> _Elastic:
@@ -174,10 +187,16 @@ class _Search:
         fits = need <= _MEMORY * host_memory()
         require(fits, f"modes: {count} modes need", f"{need / 1e9:.1f} GB", expected)
         # twice the error of a frequency is that of lambda, which is more of it than of lambda + s
-        aim = 2.0 * self.options.tolerance / (1.0 + _FAR if self.shift else 1.0)
+        aim = 2.0 * self.options.tolerance / (1.0 + 2.0 * _FAR if self.shift else 1.0)
         pairs = davidson(self._pencil, count, AIM * aim, self._start, self.options.progress)
         self._start = pairs.vectors
+        if not pairs.converged and self.options.method == "auto" and self.solver.may_be_exact:
+            why = "multigrid hadn't found all modes"
+            self._take(with_factors(self.equation, self.shift, self.options, why))
+            return self.lowest(count)
         mu, rows, rounding = sharpened(self.equation, self.equation.inertia, pairs.vectors, aim)
+        having = int((mu > max(_MASSLESS * mu[0], 1e-300)).sum())
+        require(having == count, "modes: count", count, f"at most {having} that have mass")
         error = 0.5 * (pairs.error * mu / pairs.values + rounding)
         return _Elastic(1.0 / mu, rows / np.sqrt(mu[:, None]), error, pairs.converged, pairs.steps)
 

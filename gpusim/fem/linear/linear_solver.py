@@ -19,9 +19,6 @@ from gpusim.fem.linear.pressure_solver import solve_with_pressures
 from gpusim.fem.linear.solve_plan import Direct, Options, SolvePlan
 from gpusim.fem.model.model import Model
 
-# where multigrid has failed, a direct solver may take this long (s, estimated)
-_PATIENCE = 600.0
-
 
 class LinearSolver(Protocol):
     """Of K on its free unknowns; prepared once, used often, and ``update`` takes another matrix of
@@ -53,7 +50,7 @@ def solve_system(
 
     def instead(reason: str) -> Outcome | None:
         direct = plan.direct() if "direct" in plan.attempts else None
-        if direct is None or not (direct.fits and direct.seconds <= _PATIENCE):
+        if direct is None or not direct.in_reach:
             return None
         return _factorised(direct, system, options, f"; multigrid had failed: {reason}")
 

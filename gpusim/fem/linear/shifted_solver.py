@@ -17,10 +17,19 @@ from gpusim.fem.krylov.cg import NumpyCG, Preconditioner
 from gpusim.fem.krylov.error_estimates import BELOW, smallest_ritz_value
 from gpusim.fem.linear.direct_solver import DirectSolver
 from gpusim.fem.linear.multigrid_solver import MultigridSolver
-from gpusim.fem.linear.solve_plan import Options, SolvePlan, plan_solve
+from gpusim.fem.linear.solve_plan import (
+    Options,
+    SolvePlan,
+    multigrid_seconds,
+    plan_solve,
+)
 
 # of conjugate gradients, after which their least Ritz value tells how good a cycle is
 _STEPS = 10
+# of a cycle's least eigenvalue, below which modes take hundreds of cycles (flat bodies have 0.002
+# to 0.05, others 0.1 to 0.6); factors may then take this many times as long as a static solution
+_WEAK, _PATIENCE = 0.05, 10.0
+_POOR = "a multigrid cycle makes little of some motions"
 
 
 class ShiftedSolver:
@@ -63,6 +72,19 @@ class ShiftedSolver:
         image = self._equation.stiffness(x)
         return image + self._shift * self._equation.inertia(x) if self._shift else image
 
+    @property
+    def may_be_exact(self) -> bool:
+        """Whether there are factors to be had where a cycle doesn't do."""
+        direct = None if self.exact else self.plan.direct()
+        return direct is not None and direct.in_reach
+
+    @property
+    def poor(self) -> bool:
+        """Whether a cycle makes so little of some motions that factors are the better way."""
+        direct = self.plan.direct() if self.weakest < _WEAK else None
+        patience = _PATIENCE * multigrid_seconds(int(self._equation.unknown.sum()))
+        return direct is not None and direct.fits and direct.seconds <= patience
+
     @cached_property
     def weakest(self) -> float:
         """Least eigenvalue of what it makes of K + shift M, by some steps of conjugate gradients; 1
@@ -80,14 +102,28 @@ class ShiftedSolver:
 
 def definite_solver(equation: EquationOfMotion, shift: float, options: Options) -> ShiftedSolver:
     """Of K + ``shift`` M, good for eigenvalues: with a cycle these can't be found where a body is
-    nearly incompressible. Raises NotConverged where its factors don't fit, either."""
+    nearly incompressible, and hardly where it is flat. Raises NotConverged where its factors don't
+    fit, either."""
     solver = ShiftedSolver(equation, shift, options)
-    if solver.exact or not solver.plan.stiff_in_bulk or options.method == "multigrid":
+    if solver.exact or options.method == "multigrid":
         return solver
-    direct = solver.plan.direct()
-    if direct is None or not direct.fits:
+    if not solver.plan.stiff_in_bulk:
+        return with_factors(equation, shift, options, _POOR) if solver.poor else solver
+    if not solver.may_be_exact:
         raise NotConverged(
             "modes: a nearly incompressible body; got factors that don't fit the memory; expected "
             "fewer unknowns, or a smaller Poisson's ratio: multigrid doesn't find its modes"
         )
-    return ShiftedSolver(equation, shift, replace(options, method="direct"))
+    return with_factors(equation, shift, options, "a nearly incompressible body")
+
+
+def with_factors(
+    equation: EquationOfMotion, shift: float, options: Options, why: str
+) -> ShiftedSolver:
+    """Of K + ``shift`` M, exactly; ``why`` not nearly."""
+    solver = ShiftedSolver(equation, shift, replace(options, method="direct"))
+    direct = solver.plan.direct()
+    assert direct is not None
+    reasons = {**solver.plan.reasons, "solver": f"direct: {why}; {direct.description}"}
+    solver.plan = replace(solver.plan, reasons=reasons)
+    return solver

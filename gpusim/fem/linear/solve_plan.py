@@ -33,6 +33,8 @@ _BAND_RATE = 8.0e9
 _PER_UNKNOWN = 3e-6
 # share of the free memory that factors may take
 _MEMORY = 0.4
+# where multigrid has failed, a direct solver may take this long (s, estimated)
+_LONGEST = 600.0
 # a band this many times slower than multigrid isn't looked at any closer
 _HOPELESS = 30.0
 # share of the work in bands as wide as a lattice's planes that any band takes at least: that of a
@@ -66,6 +68,11 @@ class Direct:
     def fits(self) -> bool:
         """Whether its factors fit the free memory."""
         return self.nbytes <= _MEMORY * host_memory()
+
+    @property
+    def in_reach(self) -> bool:
+        """Whether it may be waited for where multigrid has failed."""
+        return self.fits and self.seconds <= _LONGEST
 
 
 def direct_solver(

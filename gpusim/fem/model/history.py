@@ -176,15 +176,11 @@ class State:
     gains: Float
 
 
-def interpolated(before: State, after: State, share: float) -> State:
-    """Between two states: cubics of displacement and velocity by their slopes, the rest linear."""
-    step, v, a = after.time - before.time, np.stack([before.v, after.v]), (before.a, after.a)
-    u = cubic(share, np.stack([before.u, after.u]), step * v)
-    gains = before.gains + share * (after.gains - before.gains)
-    return State(
-        before.time + share * step, u, cubic(share, v, step * np.stack(a)),
-        a[0] + share * (a[1] - a[0]), gains,
-    )  # fmt: skip
+def interpolated(before: State, after: State, share: float) -> tuple[Float, Float, Float]:
+    """u, v and a between two states: cubics of displacement and velocity by their slopes."""
+    step = after.time - before.time
+    u, v, a = (np.stack([getattr(one, name) for one in (before, after)]) for name in "uva")
+    return cubic(share, u, step * v), cubic(share, v, step * a), a[0] + share * (a[1] - a[0])
 
 
 @contextmanager

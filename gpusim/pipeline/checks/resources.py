@@ -19,6 +19,7 @@ from gpusim.pipeline.scene_objects.meshing import (
     size_warnings_of,
     waits_for_gmsh,
 )
+from gpusim.pipeline.scene_objects.vibrations import ground_of
 from gpusim.plan.plan import Plan
 from gpusim.scene import Scene
 from gpusim.scene.cost import element_counts
@@ -72,6 +73,7 @@ def _checks(scene: Scene, warnings: list[str]) -> Iterator[Callable[[], object]]
             if isinstance(paint, m.PictureTable):
                 yield partial(_read_picture, paint, scene)
     yield partial(build_lights, scene)
+    yield partial(_check_ground, scene)
 
 
 def waits_for_cad(scene: Scene) -> bool:
@@ -98,6 +100,13 @@ def _read_picture(paint: m.PictureTable, scene: Scene) -> None:
         Image.read(
             scene.input(paint.path), paint.texel or 1.0, gamma=paint.gamma, channels=paint.channels
         )
+
+
+def _check_ground(scene: Scene) -> None:
+    """The record of a moving ground is one, and reaches to the last frame."""
+    ground = ground_of(scene)
+    if ground is not None:
+        ground.within(0.0, scene.analysis.frame_values[-1], "analysis.base_motion")
 
 
 def _check_field(mesh: m.FieldMeshTable, name: str, scene: Scene, warnings: list[str]) -> None:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.motion import Course, Oscillation, Transient
+from gpusim.scene import Scene
 from gpusim.scene.description.model import AnalysisTable
 from gpusim.validation import require
+
+if TYPE_CHECKING:
+    from gpusim.fem import Record
 
 VIBRATION = "solution/vibration.npz"
 Stored = Mapping[str, npt.NDArray[Any]]
@@ -39,19 +43,33 @@ def stored_vibration(
 
     Raises InputError where there is no such mode, KeyError or ValueError for damage.
     """
-    for key, values in stored.items():
+    names = (*_COURSE, "shapes", "amplitudes", "frequencies", "rest")
+    known = {key: stored[f"{key}{body}"] for key in names if f"{key}{body}" in stored}
+    for key, values in known.items():
         if not np.isfinite(values).all():
             raise ValueError(f"{key}: values that aren't finite")
-    if f"times{body}" in stored:
-        known = {key: stored.get(f"{key}{body}") for key in _COURSE}
-        return Transient(Course(**known), stored.get(f"shapes{body}"))  # type: ignore[arg-type]
-    if f"amplitudes{body}" not in stored:
+    if "times" in known:
+        shapes = known.pop("shapes", None)
+        return Transient(Course(**known), shapes)
+    if "amplitudes" not in known:
         return None
-    amplitudes, shown = stored[f"amplitudes{body}"], analysis.shown_modes
+    amplitudes, shown = known["amplitudes"], analysis.shown_modes
     what, most = f"analysis.modes: body {name!r}", len(amplitudes)
     require(max(shown) <= most, what, max(shown), f"at most {most}, as many as were found")
     chosen = np.array(shown) - 1
-    frequencies = stored[f"frequencies{body}"][chosen]
+    frequencies = known["frequencies"][chosen]
     # modes have a greatest displacement of 1, vibrations their own
     scale = 1.0 if analysis.frequencies_Hz else (analysis.amplitude or 1e-3)
-    return Oscillation(shown, scale * amplitudes[chosen], frequencies, stored[f"rest{body}"])
+    return Oscillation(shown, scale * amplitudes[chosen], frequencies, known["rest"])
+
+
+def ground_of(scene: Scene) -> Record | None:
+    """Accelerations (R, 3) m/s2 of the ground; None where it rests. Raises InputError."""
+    from gpusim import fem  # who reads a motion from its file needs no solver
+
+    table = scene.analysis.base_motion
+    if table is None:
+        return None
+    record = fem.read_record(scene.input(table.path).path)
+    along = np.array(table.direction) / np.linalg.norm(table.direction)
+    return fem.Record(record.times, record.values[:, :1] * along)

@@ -96,6 +96,7 @@ def _most_moved(objects: MovingBodies, frames: FrameTable) -> int:
     moved = [one.number for one in frames if not one.shown.unloaded]
     if not objects.vibrations(moved[-1]):
         return moved[-1]
+    moved = moved[:: 1 + len(moved) // MOST_STATES]
     far = [
         max(float(np.linalg.norm(body.u, axis=1).max()) for body in _displaced(objects, frame))
         for frame in moved

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
 from gpusim.motion import Course, Transient
-from gpusim.pipeline.scene_objects.vibrations import transient_arrays
+from gpusim.pipeline.scene_objects.vibrations import ground_of, transient_arrays
 from gpusim.pipeline.stages.mechanics import solve_bodies
 from gpusim.pipeline.stages.vibrations import Vibrations, damping_of, linear_model, place_of
 from gpusim.report import Chart
@@ -33,8 +32,7 @@ LOOKS = 100
 def transient(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """The motion of each body at the instants of frames, and around them."""
     frames, around, histories, damping, options = inputs.row
-    table, found = scene.analysis.base_motion, Vibrations()
-    ground = None if table is None else _ground(scene, table.path, table.direction)
+    ground, found = ground_of(scene), Vibrations()
     for number, body in enumerate(scene.bodies):
         if histories[number] is None:
             continue
@@ -63,13 +61,6 @@ def transient(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
         found.arrays |= transient_arrays(motion, number)
         found.charts += _charts(body.name, history)
     return found.result(session, "; ".join(dict.fromkeys(found.facts.values())))
-
-
-def _ground(scene: Scene, path: str, direction: Sequence[float]) -> fem.Record:
-    """Accelerations (R, 3) m/s2."""
-    record = fem.read_record(scene.input(path).path)
-    along = np.array(direction) / np.linalg.norm(direction)
-    return fem.Record(record.times, record.values[:, :1] * along)
 
 
 def _on_ground(motion: Transient, ground: fem.Record) -> Transient:
@@ -126,9 +117,9 @@ def _charts(name: str, history: fem.History) -> list[Chart]:
     moved = 1e3 * np.asarray(history.u[:, node])
     motion = {axis: moved[:, k].tolist() for k, axis in enumerate("xyz")}
     energy = {key.replace("_", " "): getattr(history.energy, key).tolist() for key in ENERGIES}
-    place, about = place_of(history.model, node), "Of the motion relative to the ground."
+    place, about = place_of(history.model, node), "Relative to the ground."
     return [
-        Chart(f"Motion, {name}", f"Of {place}, which moves most.", "Time (s)",
+        Chart(f"Motion, {name}", f"Of {place}, which moves most. {about}", "Time (s)",
               "Displacement (mm)", times, motion),
         Chart(f"Energy, {name}", about, "Time (s)", "Energy (J)", times, energy),
     ]  # fmt: skip

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import floor
 from typing import Annotated, Any, Literal
 
@@ -41,7 +42,7 @@ class AnalysisType:
         at any instant, not only in frames.
     keys : of its table, those that not all types have; ``needs``: which of them must be there, and
         what each is.
-    word, values : what frames are numbered by, and of a table these numbers.
+    word : what frames are numbered by.
     """
 
     about: str
@@ -50,17 +51,6 @@ class AnalysisType:
     keys: tuple[str, ...] = ("geometry", "load_factors", "frame_rate_Hz")
     needs: Mapping[str, str] = field(default_factory=dict)
     word: str = "load_factor"
-    values: Callable[[AnalysisTable], tuple[float, ...]] = lambda table: table.load_factors
-
-
-def _phases(table: AnalysisTable) -> tuple[float, ...]:
-    """Degrees; frame 0 shows bodies at rest."""
-    return (0.0, *(360.0 * turn for _, turn in table.oscillations))
-
-
-def _times(table: AnalysisTable) -> tuple[float, ...]:
-    rate, duration = table.frame_rate_Hz or 1.0, table.duration_s or 0.0
-    return tuple(k / rate for k in range(floor(duration * rate * (1 + 1e-12)) + 1))
 
 
 ANALYSIS_TYPES = {
@@ -68,26 +58,24 @@ ANALYSIS_TYPES = {
     "field": AnalysisType(
         "displacements that are given", given=True, keys=("times", "frame_rate_Hz"),
         needs={"times": "the time of each frame"}, word="time",
-        values=lambda table: table.times or (),
     ),
     "modal": AnalysisType(
-        "natural frequencies and mode shapes", vibrates=True, word="phase_deg", values=_phases,
+        "natural frequencies and mode shapes", vibrates=True, word="phase_deg",
         keys=("count", "band_Hz", "mass", "modes", "amplitude_mm", "phases", "prestress"),
     ),
     "transient": AnalysisType(
-        "motion in time", vibrates=True, word="time", values=_times,
+        "motion in time", vibrates=True, word="time",
         keys=("duration_s", "frame_rate_Hz", "method", "count", "step_s", "mass", "damping",
               "release", "base_motion"),
         needs={"duration_s": "how long it is followed", "frame_rate_Hz": "frames per second"},
     ),
     "harmonic": AnalysisType(
-        "steady vibration under loads that swing", vibrates=True, word="phase_deg", values=_phases,
+        "steady vibration under loads that swing", vibrates=True, word="phase_deg",
         keys=("frequencies_Hz", "phases", "count", "mass", "damping", "band_Hz"),
         needs={"frequencies_Hz": "the frequencies of the loads that are shown"},
     ),
     "buckling": AnalysisType(
         "critical load factors", keys=("count", "modes", "amplitude_mm"), word="phase_deg",
-        values=_phases,
     ),
 }  # fmt: skip
 """`gpusim.scene.analyses.add_analysis` adds another one."""
@@ -232,10 +220,15 @@ class AnalysisTable(Table):
         """One per frame of statics; what doesn't vary with frames has its loads once."""
         return self.load_factors_ if self.scales_loads else (1.0,)
 
-    @property
+    @cached_property
     def frame_values(self) -> tuple[float, ...]:
         """One per frame: load factor, time, or phase (deg)."""
-        return self._kind.values(self)
+        if self.duration_s is not None:
+            rate = self.frame_rate_Hz or 1.0
+            return tuple(k / rate for k in range(floor(self.duration_s * rate * (1 + 1e-12)) + 1))
+        if self.oscillations:
+            return (0.0, *(360.0 * turn for _, turn in self.oscillations))
+        return self.times or self.load_factors_
 
     @property
     def shown_modes(self) -> tuple[int, ...]:
@@ -261,16 +254,18 @@ class AnalysisTable(Table):
             return None
         return self.step_s or 0.25 / (self.frame_rate_Hz or 1.0)
 
-    @property
+    @cached_property
     def oscillations(self) -> tuple[tuple[int, float], ...]:
-        """Number of the mode, and the share of its period that has passed, of each frame after the
-        first."""
-        phases = range(self.phase_count if self._kind.values is _phases else 0)
+        """Of modes, and of motions of one frequency: number, and the share of its period that has
+        passed, in each frame after the first, in which bodies are at rest."""
+        phases = range(self.phase_count)
         return tuple((number, k / len(phases)) for number in self.shown_modes for k in phases)
 
     @property
     def phase_count(self) -> int:
         """Frames of each mode."""
+        if self._kind.word != "phase_deg":
+            return 0
         return (self.phases or 8) if "phases" in self._kind.keys else 1
 
     @property
@@ -316,9 +311,9 @@ class AnalysisTable(Table):
         yield (loss is not None and self.type != "harmonic", "damping.loss_factor",
                f'of an analysis of type "{self.type}"', loss, "ratio, or Rayleigh's")  # fmt: skip
         key, frames, fewer = "phases", 0.0, "fewer phases or modes"
-        if self._kind.values is _phases:
+        if self.phase_count:
             frames = 1.0 + len(self.shown_modes) * self.phase_count
-        elif self.type == "transient":
+        else:
             key, fewer = "duration_s", "less time or a lower frame_rate_Hz"
             frames = 1.0 + (self.duration_s or 0.0) * (self.frame_rate_Hz or 0.0)
         yield (not frames <= MOST_FRAMES, key, "too many frames", Words(f"{frames:.6g} frames"),

@@ -32,7 +32,7 @@ def told(**changes: Any) -> str:
 @pytest.mark.parametrize(
     ("analysis", "load", "line"),
     [
-        (MODAL, [PUSH], "body.bar.load: modes without prestress don't feel loads; got 1 load; "
+        (MODAL, [PUSH], "body.bar.load: modes without prestress don't feel loads; got loads; "
          "expected analysis.prestress = true, or no load"),
         ({**MODAL, "prestress": True}, [], "analysis.prestress: nothing acts on bodies; got no "
          "load; expected a [[body.load]]"),
