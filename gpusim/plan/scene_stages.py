@@ -163,8 +163,10 @@ def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iter
         needs |= build.of_bodies("model") if "solve" in moving else {}
         modes: dict[int, list[Any]] = {}
         for frame, (number, turn) in enumerate(scene.analysis.oscillations, 1):
-            if not turn or scene.analysis.frequencies_Hz:  # of these phase 0 is like any other
-                modes.setdefault(number, []).append([frame, frame_text(scene, frame)])
+            steady = scene.analysis.frequencies_Hz is not None
+            if steady or not turn:  # of steady ones phase 0 is like any other, and the rest is one
+                group = min(number, _MOST_PICTURED) if steady else number
+                modes.setdefault(group, []).append([frame, frame_text(scene, frame)])
         pictured = list(modes.values())[:_MOST_PICTURED]
         row = [*table, output.stress, frame_word(scene), pictured]
         sections = ["body.*.mechanics", *(f"camera.{one.name}" for one in scene.cameras[:1])]

@@ -141,7 +141,7 @@ def test_the_load_of_a_body_that_a_support_moves_is_that_support_s(
 
 @pytest.mark.parametrize(("force", "bends"), [(50.0, True), (1.0, False)])
 def test_of_a_steady_vibration_the_phase_that_moves_most(
-    force: float, bends: bool, device: Device, tmp_path: Path
+    force: float, bends: bool, device: Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """At resonance it is a quarter of a period late: at phase 0 next to nothing has moved."""
     steady = {"type": "harmonic", "frequencies_Hz": [143.5, 400.0], "phases": 4,
@@ -162,3 +162,8 @@ def test_of_a_steady_vibration_the_phase_that_moves_most(
     assert place.startswith(f"frame {most}, bar at ") and "phase 90 deg" in place
     told = [text for text in report.warnings if "linear theory makes it" in text]
     assert [text.startswith("body 'bar': it turns by up to ") for text in told] == [True] * bends
+    # of one picture alone it is the frame of all that moves most
+    monkeypatch.setattr("gpusim.plan.scene_stages._MOST_PICTURED", 1)
+    late = scene.replace("analysis.frequencies_Hz", [400.0, 143.5])
+    report = gs.run(late, tmp_path / "late", backend="gpu")
+    assert {one.frame for one in report.fields} == {most + 4}
