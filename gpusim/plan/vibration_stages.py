@@ -7,6 +7,7 @@ from typing import Any
 
 from gpusim.graph.stage import Stage, first
 from gpusim.plan.stage_builder import StageBuilder
+from gpusim.scene import Scene
 from gpusim.scene.amplitudes import LoadGroup, LoadHistory, load_groups, load_history
 from gpusim.scene.description.model import CameraTable
 
@@ -34,7 +35,7 @@ def harmonic_stages(build: StageBuilder) -> Iterator[Stage]:
 def transient_stages(build: StageBuilder) -> Iterator[Stage]:
     """Motion in time: modes or time steps, then the instants at which cameras look."""
     analysis, frames = build.scene.analysis, build.scene.analysis.frame_values
-    around = max(map(_opening, build.scene.cameras), default=0.0)
+    around = opening(build.scene)
     options: dict[str, Any] = {"method": analysis.method or "modal"} | _mass(build)
     options |= (
         {"step": analysis.time_step} if analysis.time_step else {"count": analysis.mode_count}
@@ -84,7 +85,12 @@ def _damping(build: StageBuilder) -> Mapping[str, float]:
     return {} if table is None else table.model_dump(exclude_none=True)
 
 
-def _opening(camera: CameraTable) -> float:
+def opening(scene: Scene) -> float:
+    """s before and after a frame at which some camera may look."""
+    return max(map(_opening_of, scene.cameras), default=0.0)
+
+
+def _opening_of(camera: CameraTable) -> float:
     """s before and after a frame at which a camera may look, points beside its picture included."""
     if camera.shutter is None:
         return 0.0

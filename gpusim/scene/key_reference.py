@@ -18,7 +18,7 @@ from .faults.schema_places import Node, cached_schema, expected, plain_node, tab
 
 _FRACTIONS = {
     "kg_m3": "kg/m3", "m_s2": "m/s2", "W_m2": "W/m2", "W_m2_sr": "W/(m2 sr)", "per_K": "1/K",
-    "e_per_s": "e/s", "DN_per_e": "DN/e", "percent": "%",
+    "per_s": "1/s", "e_per_s": "e/s", "DN_per_e": "DN/e", "percent": "%",
 }  # fmt: skip
 
 

@@ -127,7 +127,8 @@ def test_units_and_defaults() -> None:
     for path, unit in (("material.density_kg_m3", "kg/m3"), ("light.point.power_W", "W"),
                        ("measure.gauge.mm_per_px", "mm per px"),
                        ("light.point.power_lm", "lm"), ("sensor.prnu_percent", "%"),
-                       ("material.expansion_per_K", "1/K")):  # fmt: skip
+                       ("material.expansion_per_K", "1/K"),
+                       ("analysis.damping.rayleigh_mass_per_s", "1/s")):  # fmt: skip
         ((key,),) = (table.keys for table in find_tables(path).values())
         assert key.unit == unit
 

@@ -261,7 +261,8 @@ def time_steps(
         else:
             raise NotConverged(
                 f"transient: a step from {state.time:.6g}; got {reason}; expected one that can be "
-                f"made: a shorter one than {first:.3g}, or step='adaptive'"
+                f"made: a shorter one than {first:.3g} (step_s of scenes; of gs.transient "
+                "also step='adaptive')"
             )
         yield after, error
         state = after

@@ -235,8 +235,8 @@ def integrated(
     message = f"{number} steps, {motion.message}"
     worst /= greatest if greatest > 0.0 else 1.0
     told = (
-        f"a step is {worst:.1%} of the greatest displacement off: a shorter one, or "
-        "step='adaptive', resolves more of the motion"
+        f"a step is {worst:.1%} of the greatest displacement off: a shorter one (step_s of scenes; "
+        "of gs.transient also step='adaptive') resolves more of the motion"
     )
     warnings = () if worst <= _WARNED_ERROR else (told,)
     return {**written(fields, file), "message": message, "warnings": warnings}

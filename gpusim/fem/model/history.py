@@ -194,7 +194,7 @@ def storage(times: Float, nodes: int, file: FilePath) -> Iterator[dict[str, Any]
     if file is None:
         needed, free = 72 * len(times) * nodes, host_memory()
         got = f"{needed / 1e9:.3g} GB of histories, {free / 1e9:.3g} GB of free memory"
-        expected = "at most half of it: file=..., or fewer times"
+        expected = "at most half of it: fewer times (frames), or of gs.transient also file=..."
         require(needed <= _SHARE * free, "transient", got, expected)
         yield {name: np.empty(shape) for name, shape in shapes.items()}
         return

@@ -100,6 +100,8 @@ def read_record(path: str | os.PathLike[str]) -> Record:
         width = len(rows[0]) if rows else max(len(row), 2)
         fits = len(row) == width and bool(np.isfinite(row).all())
         require(fits, f"{path}: line {number}", repr(line), f"{width} finite numbers")
+        later = not rows or row[0] > rows[-1][0]
+        require(later, f"{path}: line {number}", repr(line), "times that increase")
         rows.append(row)
     require(len(rows) > 1, f"{path}", f"{len(rows)} lines of numbers", "at least 2")
     table = np.array(rows)

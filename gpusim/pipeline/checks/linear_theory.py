@@ -1,7 +1,8 @@
-"""How far bodies turn and move by linear statics, which holds for small rotations, in words."""
+"""How far bodies turn and move by linear theory, which holds for small rotations, in words."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,6 +69,21 @@ def linear_motion(objects: MovingBodies, number: int) -> LinearMotion:
     reach = float(np.linalg.norm(np.ptp(objects.displacement(number, frame), axis=0)))
     size = float(np.linalg.norm(np.ptp(mesh.points, axis=0)))
     return LinearMotion(objects.bodies[number].body.name, frame, turn, reach, size)
+
+
+def stretched_shapes(objects: MovingBodies, frames: Sequence[int]) -> list[str]:
+    """A sentence on each body that vibrates, or is shown buckled, where it turns far in some of
+    ``frames``."""
+    told = []
+    for number, parts in enumerate(objects.bodies if frames else ()):
+        turn, frame = max((_turn(objects, number, frame), frame) for frame in frames)
+        if turn > TOLD:
+            told.append(
+                f"body {parts.body.name!r}: it turns by up to {np.degrees(turn):.3g} degrees in "
+                f"frame {frame}, where linear theory makes it {50.0 * turn**2:.2g} % longer; "
+                "a smaller amplitude keeps its length"
+            )
+    return told
 
 
 def _turn(objects: MovingBodies, number: int, frame: int) -> float:

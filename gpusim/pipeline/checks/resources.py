@@ -21,6 +21,7 @@ from gpusim.pipeline.scene_objects.meshing import (
 )
 from gpusim.pipeline.scene_objects.vibrations import ground_of
 from gpusim.plan.plan import Plan
+from gpusim.plan.vibration_stages import opening
 from gpusim.scene import Scene
 from gpusim.scene.cost import element_counts
 from gpusim.scene.description import model as m
@@ -88,11 +89,13 @@ def _check_size(body: m.Body, scene: Scene, warnings: list[str]) -> None:
 
 
 def check_views(scene: Scene) -> None:
-    """Make every camera, lens and light once. Raises InputError for what is wrong in them."""
+    """Make every camera, lens and light once, and read how the ground moves. Raises InputError for
+    what is wrong in them."""
     for camera in scene.cameras:
         build_camera(camera, scene.input)
         build_lens(camera, scene.input)
     build_lights(scene)
+    _check_ground(scene)
 
 
 def _read_picture(paint: m.PictureTable, scene: Scene) -> None:
@@ -103,10 +106,11 @@ def _read_picture(paint: m.PictureTable, scene: Scene) -> None:
 
 
 def _check_ground(scene: Scene) -> None:
-    """The record of a moving ground is one, and reaches to the last frame."""
-    ground = ground_of(scene)
-    if ground is not None:
-        ground.within(0.0, scene.analysis.frame_values[-1], "analysis.base_motion")
+    """The record of a moving ground is one, and reaches as far as cameras look."""
+    ground, table = ground_of(scene), scene.analysis.base_motion
+    if ground is not None and table is not None:
+        end = scene.analysis.frame_values[-1] + opening(scene)
+        ground.within(0.0, end, f"{table.path}: analysis.base_motion")
 
 
 def _check_field(mesh: m.FieldMeshTable, name: str, scene: Scene, warnings: list[str]) -> None:

@@ -344,12 +344,15 @@ def _lowest(modes: Sequence[Mapping[str, Any]]) -> dict[str, tuple[str, str]]:
 
 
 def _highlights(fields: Sequence[FieldPicture]) -> dict[str, tuple[str, str]]:
-    """The largest displacement and stress."""
+    """The largest displacement and stress, of several frames that are shown."""
     cards = {}
-    for one in fields:
-        if one.field in ("displacement", "von_mises"):
+    for name in ("displacement", "von_mises"):
+        shown = [one for one in fields if one.field == name]
+        if shown:
+            one = max(shown, key=lambda picture: picture.largest)
             x, y, z = map(format_value, one.position_mm)
             place = f"frame {one.frame}, {one.body} at ({x}, {y}, {z}) mm"
+            place += f": {one.shown}" if one.shown else ""
             cards[f"Largest {one.title}"] = f"{number(one.largest, 4)} {one.unit}", place
     return cards
 

@@ -71,5 +71,7 @@ def ground_of(scene: Scene) -> Record | None:
     if table is None:
         return None
     record = fem.read_record(scene.input(table.path).path)
+    what, columns = f"analysis.base_motion: {table.path}", 1 + record.values.shape[1]
+    require(columns == 2, what, f"{columns} columns", "time, and one acceleration along direction")
     along = np.array(table.direction) / np.linalg.norm(table.direction)
-    return fem.Record(record.times, record.values[:, :1] * along)
+    return fem.Record(record.times, record.values * along)

@@ -16,6 +16,7 @@ from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
 from gpusim.motion import Motion, Oscillation, State, Stepped
+from gpusim.pipeline.checks.linear_theory import stretched_shapes
 from gpusim.pipeline.notes import notes_of
 from gpusim.pipeline.scene_objects.cameras import build_camera
 from gpusim.pipeline.scene_objects.load_steps import step_fields
@@ -46,12 +47,14 @@ ROUNDED = 1e-6
 def fields(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """Of the last frame in which a body has moved, of vibrations the one in which it moves most:
     displacement, the components that matter, and, where it is asked for or costs little, von Mises
-    stress and the largest principal strain. Of frames that show modes: displacement alone, unless
-    stress is asked for."""
+    stress and the largest principal strain. Of frames that show modes, or of all phases at a
+    frequency the one in which bodies move most: displacement alone, unless stress is asked for."""
     table, asked, word, modes = inputs.row
     frames = FrameTable(table)
     objects = moving_bodies(scene, inputs, [one.shown for one in frames])
-    looked = dict(modes) or {_most_moved(objects, frames): ""}
+    phases = [dict(one) for one in modes]
+    looked = {frame: one[frame] for one in phases for frame in (_farthest(objects, list(one)),)}
+    looked = looked or {_most_moved(objects, frames): ""}
     bodies = _displaced(objects, next(iter(looked)))
     cells = sum(body.skin.mesh.cell_count for body in bodies)
     solved = bool(inputs.get(f"model/{bodies[0].name}"))
@@ -59,7 +62,9 @@ def fields(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     facts = {} if stressed or not solved or modes else {
         "fields": f"no stress or strain of {cells} elements: [output] stress = true asks for them"
     }  # fmt: skip
-    notes = notes_of(facts=facts, adapter=session.adapter) | {"path": None, "pictures": []}
+    shown = [frame for frame in looked if objects.vibrations(frame)]
+    warnings = stretched_shapes(objects, shown)
+    notes = notes_of(warnings, facts, session.adapter) | {"path": None, "pictures": []}
     if not any(body.u.any() for body in bodies):
         return StageResult({}, notes, "nothing has moved")
     solved_linearly: SceneSolution | None = inputs.get("solution")
@@ -96,12 +101,16 @@ def _most_moved(objects: MovingBodies, frames: FrameTable) -> int:
     moved = [one.number for one in frames if not one.shown.unloaded]
     if not objects.vibrations(moved[-1]):
         return moved[-1]
-    moved = moved[:: 1 + len(moved) // MOST_STATES]
+    return _farthest(objects, moved[:: 1 + len(moved) // MOST_STATES])
+
+
+def _farthest(objects: MovingBodies, frames: Sequence[int]) -> int:
+    """Of some frames the one in which a body is displaced most; of one there is no question."""
     far = [
         max(float(np.linalg.norm(body.u, axis=1).max()) for body in _displaced(objects, frame))
-        for frame in moved
+        for frame in (frames if len(frames) > 1 else ())
     ]
-    return moved[int(np.argmax(far))]
+    return frames[int(np.argmax(far))] if far else frames[0]
 
 
 def _rates(objects: MovingBodies, frame: int) -> str:

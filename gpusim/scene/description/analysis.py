@@ -133,12 +133,13 @@ class BaseMotionTable(Table):
 
     Example::
 
-        file = "quake.csv"
+        file = "shaker.csv"
         direction = [1.0, 0.0, 0.0]
     """
 
     path: Annotated[str, Field(alias="file", min_length=1)]
-    """A CSV file: time (s) and acceleration (m/s2), the ground at rest before."""
+    """A CSV file of two columns: time (s), and acceleration along ``direction`` (m/s2), the ground
+    at rest before."""
     direction: Direction
     """In which it is accelerated; its length doesn't matter."""
 

@@ -47,7 +47,7 @@ UNITS: dict[str, Callable[[Any], float] | None] = {
     "percent": lambda value: value / 100.0,
     "deg": math.radians,
     **dict.fromkeys(
-        ("px", "N", "Hz", "K", "s", "W", "lm", "m_s2", "W_m2", "W_m2_sr", "kg_m3", "per_K")
+        ("px", "N", "Hz", "K", "s", "W", "lm", "m_s2", "W_m2", "W_m2_sr", "kg_m3", "per_K", "per_s")
     ),
     **dict.fromkeys(("e", "e_per_s", "DN", "DN_per_e")),
 }

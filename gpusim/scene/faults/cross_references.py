@@ -361,6 +361,8 @@ class _Checks:
                 continue
             if rate is None and not (self.analysis_type and self.analysis_type.vibrates):
                 got, wanted = Words("a shutter"), "analysis.frame_rate_Hz beside it"
+                if self.analysis_type and "frame_rate_Hz" not in self.analysis_type.keys:
+                    wanted = "no shutter: frames show shapes, and nothing moves from one to another"
                 self.add(at, "without a time between frames", got, wanted)
                 continue
             exposure = shutter.get("exposure_ms", 0)

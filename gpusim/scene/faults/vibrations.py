@@ -28,10 +28,12 @@ def vibration_faults(document: Mapping[str, Any]) -> Iterator[VibrationFault]:
         for place, load in tables_of(body, "load"):
             names.append(str(load.get("name")))
             yield from _of_load(kind, load, (*at, "load", place))
+            if kind == "transient":
+                yield from _in_time(analysis, load, (*at, "load", place))
         if kind == "modal" and body.get("load") and analysis.get("prestress") is not True:
             yield ((*at, "load"), "modes without prestress don't feel loads", Words("loads"),
                    "analysis.prestress = true, or no load")  # fmt: skip
-        yield from _of_supports(kind, body, at, "base_motion" in analysis)
+        yield from _of_supports(kind, body, at, analysis)
     yield from _of_analysis(kind, analysis, names)
 
 
@@ -63,18 +65,41 @@ def _of_load(kind: str, load: Mapping[str, Any], keys: Keys) -> Iterator[Vibrati
         yield keys, f"not known {of}", "follows" if follows else "thermal", "another load"
 
 
+def _in_time(
+    analysis: Mapping[str, Any], load: Mapping[str, Any], keys: Keys
+) -> Iterator[VibrationFault]:
+    """It varies while it is there, and while bodies are followed."""
+    asked, times, end = (
+        analysis.get("release"), load.get("times_s"), analysis.get("duration_s")
+    )  # fmt: skip
+    if "amplitude" in load and isinstance(asked, list) and load.get("name") in asked:
+        yield ((*keys, "amplitude"), "of a load that is let go at time 0", load["amplitude"],
+               "no amplitude, or the load not in analysis.release")  # fmt: skip
+    numbers = [one for one in (times if isinstance(times, list) else ()) if _is_number(one)]
+    if numbers and _is_number(end) and min(numbers) > end:
+        yield ((*keys, "times_s"), "all after analysis.duration_s", times,
+               f"times of which some are within {end:g} s, or a longer duration_s")  # fmt: skip
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float)
+
+
 def _of_supports(
-    kind: str, body: Mapping[str, Any], at: Keys, on_ground: bool
+    kind: str, body: Mapping[str, Any], at: Keys, analysis: Mapping[str, Any]
 ) -> Iterator[VibrationFault]:
     """They hold still, and are there if the ground is to move the body."""
-    if on_ground and not body.get("support"):
+    if "base_motion" in analysis and not body.get("support"):
         yield ((*at, "support"), "stands on no ground", Words("no support"),
                "a [[body.support]] that base_motion moves")  # fmt: skip
     for place, support in tables_of(body, "support"):
         moved = support.get("displacement_mm")
-        if kind in ("transient", "harmonic") and isinstance(moved, list) and any(moved):
+        still = kind in ("transient", "harmonic", "modal") and analysis.get("prestress") is not True
+        if still and isinstance(moved, list) and any(moved):
             keys = (*at, "support", place, "displacement_mm")
             wanted = "zero; the ground moves by analysis.base_motion of a transient one"
+            if kind == "modal":
+                wanted = "zero, or analysis.prestress = true"
             yield keys, f'in an analysis of type "{kind}"', moved, wanted
 
 

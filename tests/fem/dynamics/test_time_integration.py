@@ -217,6 +217,7 @@ def test_a_step_too_long_is_said() -> None:
     coarse, fine = (first_mode("newmark", 2, per_cycle)[0] for per_cycle in (8, 64))
     (warning,) = coarse.warnings
     assert "of the greatest displacement off" in warning
+    assert "a shorter one (step_s of scenes" in warning
     assert fine.warnings == ()
 
 

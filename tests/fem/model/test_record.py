@@ -59,7 +59,10 @@ def test_files(tmp_path: Path) -> None:
         ("t,a\n0\n1\n", "line 2; got '0'; expected 2"),
         ("t,a\n0,1\n", "got 1 lines of numbers; expected at least 2"),
         ("", "got 0 lines"),
-        ("0,1\n0,2\n", "increase"),
+        (
+            "t,a\n0,1\n0.2,5\n0.1,2\n",
+            "quake.csv: line 4; got '0.1,2'; expected times that increase",
+        ),
     ],
 )
 def test_files_that_are_none_are_refused(tmp_path: Path, text: str, told: str) -> None:

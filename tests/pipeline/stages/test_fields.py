@@ -137,3 +137,33 @@ def test_the_load_of_a_body_that_a_support_moves_is_that_support_s(
     _, elastic, flowing = path.reaction_N
     assert elastic == pytest.approx(path.linear_N[1], rel=1e-3) and elastic > 0.0
     assert flowing < 0.6 * path.linear_N[2]
+
+
+@pytest.mark.parametrize(("force", "bends"), [(50.0, True), (1.0, False)])
+def test_of_a_steady_vibration_the_phase_that_moves_most(
+    force: float, bends: bool, device: Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At resonance it is a quarter of a period late: at phase 0 next to nothing has moved."""
+    steady = {"type": "harmonic", "frequencies_Hz": [143.5, 400.0], "phases": 4,
+              "damping": {"ratio": 0.02}}  # fmt: skip
+    body = copy.deepcopy(DOCUMENT["body"])
+    body[0]["load"][0]["force_N"] = [0.0, 0.0, -force]
+    scene = plain(analysis=steady, body=body, camera=[])
+    report = gs.run(scene, tmp_path, backend="gpu")
+    bar = scene.solution()["bar"]
+    moved = [1e3 * np.linalg.norm(bar.displacement(k), axis=1).max() for k in range(9)]
+    assert max(moved) > 2.0 * moved[1]
+    frames = {1 + int(np.argmax(moved[1:5])), 5 + int(np.argmax(moved[5:9]))}
+    shown = [one for one in report.fields if one.field == "displacement"]
+    assert {one.frame for one in shown} == frames
+    value, place = report.highlights["Largest displacement"]
+    most = int(np.argmax(moved))
+    assert float(value.split()[0]) == pytest.approx(moved[most], rel=1e-3)
+    assert place.startswith(f"frame {most}, bar at ") and "phase 90 deg" in place
+    told = [text for text in report.warnings if "linear theory makes it" in text]
+    assert [text.startswith("body 'bar': it turns by up to ") for text in told] == [True] * bends
+    # of one picture alone it is the frame of all that moves most
+    monkeypatch.setattr("gpusim.plan.scene_stages._MOST_PICTURED", 1)
+    late = scene.replace("analysis.frequencies_Hz", [400.0, 143.5])
+    report = gs.run(late, tmp_path / "late", backend="gpu")
+    assert {one.frame for one in report.fields} == {most + 4}

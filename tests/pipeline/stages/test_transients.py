@@ -10,7 +10,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import InputError
-from gpusim.pipeline.checks.resources import check_files
+from gpusim.pipeline.checks.resources import check_files, check_views
 from gpusim.pipeline.scene_objects.modelling import build_model
 from gpusim.pipeline.scene_objects.surfaces import build_body
 from gpusim.plan.plan import make_plan
@@ -104,9 +104,28 @@ def test_the_ground_carries_a_body_along(tmp_path: Path) -> None:
         InputError, match=r"base_motion: times; got 0 to 0.001; expected 0 to 0.004"
     ):
         check_files(short)
-    (tmp_path / "quake.csv").write_text("t,a\n0,0\n0.001,nan\n")
-    with pytest.raises(InputError, match="line 3"):
-        scene_of(tmp_path, **keys).solution()
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("t,a\n0,0\n0.001,nan\n", "quake.csv: line 3; got '0.001,nan'"),
+        ("t,a\n0,0\n1,0\n0.5,0\n", "quake.csv: line 4; got '0.5,0'; expected times that"),
+        ("t,ax,ay,az\n0,0,0,0\n1,0,0,9\n", "quake.csv; got 4 columns; expected time, and one "
+         "acceleration along direction"),
+        # the shutter is open for 0.4 ms after the last frame
+        ("t,a\n0,0\n0.005,9\n", "quake.csv: analysis.base_motion: times; got 0 to 0.005; "
+         "expected 0 to 0.0054"),
+    ],
+)  # fmt: skip
+def test_a_ground_whose_record_is_wrong(tmp_path: Path, text: str, told: str) -> None:
+    """Told before a run writes anything, as by a plan."""
+    (tmp_path / "quake.csv").write_text(text)
+    ground = {"file": "quake.csv", "direction": [0.0, 0.0, 1.0]}
+    scene = scene_of(tmp_path, load=(), base_motion=ground, shutter=True)
+    for check in (check_files, check_views):
+        with pytest.raises(InputError, match=told):
+            check(scene)
 
 
 def test_time_functions_of_loads() -> None:

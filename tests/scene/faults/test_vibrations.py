@@ -51,6 +51,12 @@ def told(**changes: Any) -> str:
          "times_s: not one per factor of amplitude; got 1 times; expected 2"),
         (TRANSIENT, [{**PUSH, "amplitude": [0.0, 1.0], "times_s": [1.0, 0.0]}],
          "times_s: not in their order; got [1.0, 0.0]; expected times that increase"),
+        ({**TRANSIENT, "release": ["push"]}, [{**PUSH, "amplitude": [0.0, 1.0],
+         "times_s": [0.0, 0.01]}], "load.push.amplitude: of a load that is let go at time 0; got "
+         "[0.0, 1.0]; expected no amplitude, or the load not in analysis.release"),
+        (TRANSIENT, [{**PUSH, "amplitude": [0.0, 1.0], "times_s": [0.02, 0.03]}],
+         "times_s: all after analysis.duration_s; got [0.02, 0.03]; expected times of which some "
+         "are within 0.01 s, or a longer duration_s"),
         (TRANSIENT, [{"name": "heat", "type": "thermal", "temperature_change_K": 5.0}],
          'load.heat: not known in an analysis of type "transient"; got "thermal"'),
     ],
@@ -73,6 +79,17 @@ def test_supports_of_what_is_followed_in_time() -> None:
     moved = [{**BODY["support"][0], "displacement_mm": [0.0, 0.0, 1.0]}]
     assert ('support.clamp.displacement_mm: in an analysis of type "transient"; got [0.0, 0.0, 1.0]'
             in told(analysis=TRANSIENT, body=body(support=moved)))  # fmt: skip
+    message = told(analysis=MODAL, body=body(support=moved, load=[]))
+    assert 'displacement_mm: in an analysis of type "modal"' in message
+    assert "expected zero, or analysis.prestress = true" in message
+    stressed = {**MODAL, "prestress": True}
+    assert small_scene(analysis=stressed, body=body(support=moved), measure=[])
+
+
+def test_a_shutter_before_what_does_not_move() -> None:
+    camera = [{**DOCUMENT["camera"][0], "shutter": {"exposure_ms": 1.0}}]
+    line = "without a time between frames; got a shutter; expected no shutter"
+    assert line in told(analysis=BUCKLING, camera=camera)
 
 
 @pytest.mark.parametrize(
