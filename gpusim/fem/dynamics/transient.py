@@ -102,7 +102,7 @@ def transient(
     base : accelerations of the ground, a `Record` (R,3); displacements are relative to it.
     step : length of steps; None: a quarter of the shortest between ``times``, or less where loads
         ask for it; "adaptive": that at most, and none is more than ``tolerance`` of the greatest
-        displacement off.
+        displacement off. Of "modal", how often ``loads`` that are a function are asked.
     spectral_radius : what "hht" and "generalized-alpha" leave in a step of motions that are much
         too quick for it: 1 all, 0 nothing.
     tolerance : error of the solution of each step, relative.
@@ -126,6 +126,8 @@ def transient(
     at, cases = increasing(times, "transient: times"), len(checked_model(model).load_cases)
     names, first = resolve_formulation(model, formulation), _first_step(at, step)
     _check_fit(method, damping, geometry, progress)
+    stepped = method != "modal" or step is None or callable(loads)
+    require(stepped, "transient: step of method 'modal'", step, "None: it takes no steps")
     factors = load_factors(loads, cases, at, first)
     problem = InitialValueProblem(model, names, mass, factors, *initial_state(model, initial))
     problem = with_moving_ground(problem, base)

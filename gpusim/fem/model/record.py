@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,6 +76,10 @@ def increasing(times: npt.ArrayLike, what: str) -> Float:
     return given
 
 
+def _begins_as_number(cell: str) -> bool:
+    return bool(re.match(r"\s*[-+]?\.?\d", cell))
+
+
 def read_record(path: str | os.PathLike[str]) -> Record:
     """A CSV file: time in the first column, values in the others; one line of names at most.
 
@@ -89,10 +94,12 @@ def read_record(path: str | os.PathLike[str]) -> Record:
     """
     rows: list[list[float]] = []
     for number, line in enumerate(read_input(path, "a CSV file").text().splitlines(), 1):
+        cells = line.replace(";", ",").split(",")
         try:
-            row = [float(cell) for cell in line.replace(";", ",").split(",")]
+            row = [float(cell) for cell in cells]
         except ValueError:
-            if number == 1 or not line.strip():
+            named = number == 1 and not any(map(_begins_as_number, cells))
+            if named or not line.strip():
                 continue
             row = []
         width = len(rows[0]) if rows else max(len(row), 2)
@@ -101,4 +108,5 @@ def read_record(path: str | os.PathLike[str]) -> Record:
         rows.append(row)
     require(len(rows) > 1, f"{path}", f"{len(rows)} lines of numbers", "at least 2")
     table = np.array(rows)
+    increasing(table[:, 0], f"{path}: times")
     return Record(table[:, 0], table[:, 1:])

@@ -34,8 +34,12 @@ def test_loads_are_the_same_however_they_are_said(options: dict[str, Any]) -> No
     values = np.outer(np.minimum(TIMES, 1.5), [1.0, -0.5])
     bend = gs.Record([-1.0, 0.0, 1.5, 4.0], np.outer([-1.0, 0.0, 1.5, 1.5], [1.0, -0.5]))
     table, record, function = (
-        gs.transient(model, times=TIMES, loads=loads, **{"step": 0.05, **options})
-        for loads in (values, bend, lambda t: min(t, 1.5) * np.array([1.0, -0.5]))
+        gs.transient(model, times=TIMES, loads=loads, **{"step": step, **options})
+        for loads, step in (
+            (values, None),
+            (bend, None),
+            (lambda t: min(t, 1.5) * np.array([1.0, -0.5]), 0.05),
+        )
     )
     same(table, record)
     same(table, function)
@@ -135,6 +139,8 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
         "method": "newmark",
         "loads": gs.Record([0, 1, 1 + 1e-9, 1 + 2e-9, 3], np.outer([0, 0, 9, 0, 0], [1, 1])),
     }, "too long"),
+    "a step of modes": ({"step": 1e-3}, "step of method 'modal'; got 0.001; expected None"),
+    "unknown velocities": ({"initial": (np.zeros((16, 3)), np.full((16, 3), np.nan))}, "not all"),
     "no step": ({"method": "newmark", "step": "long"}, "step"),
     "a negative step": ({"method": "newmark", "step": -0.1}, "step"),
     "a NaN step": ({"method": "newmark", "step": np.nan}, "step"),
