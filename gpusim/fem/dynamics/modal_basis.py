@@ -115,9 +115,18 @@ def _residual_vectors(
     balanced = parts - (parts @ x[:rigid].T) @ inertia[:rigid]
     sizes = np.linalg.norm([balanced, parts], axis=2)
     balanced[~(sizes[0] > _BALANCED * sizes[1])] = 0.0
-    solved = truncated_cg(equation.stiffness, solver.preconditioner, balanced, _STATIC_ERROR)
+
+    def elastic(y: Float) -> Float:
+        # what rounding makes of rigid motions may have less than no energy
+        image = equation.stiffness(y - (y @ inertia[:rigid].T) @ x[:rigid])
+        return image - (image @ x[:rigid].T) @ inertia[:rigid]
+
+    solved = truncated_cg(elastic, solver.preconditioner, balanced, _STATIC_ERROR)
     if solved is None:
-        raise NotConverged("static response: got a stiffness that isn't definite; expected one")
+        raise NotConverged(
+            "harmonic: static response; got a stiffness that isn't positive definite; expected "
+            "less prestress, or fewer motions without stiffness"
+        )
     static = beyond = solved[0]
     for _ in range(2):
         beyond = beyond - (beyond @ inertia.T) @ x

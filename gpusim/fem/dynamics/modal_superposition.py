@@ -174,6 +174,7 @@ def modal_superposition(
     forcing = Record(factors.times, factors.values @ loads)
     coordinates = ModalCoordinates(Oscillators(angular, lost), forcing, amplitude, rate)
     missing, acting = forces - loads @ inertia, factors.values.any(axis=0)
+    missing -= scale * missing @ x.T @ inertia
     # rounding, where modes have all of a load
     missing[np.abs(missing).max(axis=1) <= _ROUNDING * np.abs(forces).max(axis=1)] = 0.0
     missing[~acting] = 0.0
