@@ -31,7 +31,7 @@ from gpusim.fem.model.modes import Modes
 from gpusim.fem.model.solution import Solution
 from gpusim.fem.model.supports import check_supports
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import checked, one_of, require
+from gpusim.validation import Count, checked, one_of, require
 
 # a complex factor of a solid of so many unknowns takes about 1 GB, and 10 s at each frequency
 _MOST_DIRECT = 20_000
@@ -44,7 +44,7 @@ def harmonic(
     *,
     damping: Damping | None = None,
     method: Annotated[str, one_of("modal", "direct")] = "modal",
-    count: int = 20,
+    count: Count = 20,
     loads: npt.ArrayLike | None = None,
     base: npt.ArrayLike | None = None,
     formulation: str | Mapping[str, str] | None = None,

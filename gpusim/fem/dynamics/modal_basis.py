@@ -91,16 +91,16 @@ class ModalBasis:
         require(bool(known.all()), "harmonic: frequencies", got, expected)
         return np.asarray(self.forcing / dynamic)
 
-    def truncation(self, angular: Float) -> Float:
+    def truncation(self, angular: Float, what: str = "harmonic: frequencies") -> Float:
         """(F,) at most what modes left out add at ``angular`` (F,) rad/s, in the energy norm over
-        that of the static response. Raises InputError beyond the last mode."""
+        that of the static response. Raises InputError naming ``what`` beyond the last mode."""
         last = self.angular[self.count - 1]
         got = (f"{angular.max() / (2.0 * np.pi):.6g} Hz, beyond {self.count} modes that lack "
                f"{self.lacking:.1e} of the static response's energy")  # fmt: skip
         expected = f"less than {last / (2.0 * np.pi):.6g} Hz, or more modes (count)"
         if self.lacking <= _NEGLIGIBLE:
             return np.zeros(len(angular))
-        require(bool((angular < last).all()), "harmonic: frequencies", got, expected)
+        require(bool((angular < last).all()), what, got, expected)
         ratio = (angular / last) ** 2
         return np.asarray(np.sqrt(self.lacking) * ratio / (1.0 - ratio) ** 1.5)
 

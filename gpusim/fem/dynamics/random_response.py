@@ -26,7 +26,7 @@ from gpusim.fem.model.model import Model
 from gpusim.fem.recovery.stress import stress
 from gpusim.field_summary import field_summary
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import as_float64, checked, require
+from gpusim.validation import Count, as_float64, checked, require
 
 # stress components xx yy zz xy yz zx times that have the von Mises stress as their length
 _MISES = np.zeros((6, 6))
@@ -130,6 +130,7 @@ def random_response(
     frequencies: npt.ArrayLike | None = None,
     loads: npt.ArrayLike | None = None,
     base: npt.ArrayLike | None = None,
+    count: Count = 20,
     **options: Any,
 ) -> RandomResponse:
     """Stationary random vibration of a linear model under one load, by modal superposition.
@@ -144,7 +145,8 @@ def random_response(
     frequencies : (F,) Hz at which spectral densities of results are given; None: those of ``psd``.
     loads, base : the amplitudes that the factor multiplies, as for `gpusim.harmonic`: weights (L,)
         of the load cases, which vary together, and an acceleration (3,).
-    options : ``count``, ``formulation``, ``mass``, ``prestress`` and ``modes``, as for
+    count : how many modes.
+    options : ``formulation``, ``mass``, ``prestress`` and ``modes``, as for
         `gpusim.harmonic`.
 
     RMS are integrals over the band, by Gauss' rule on panels graded towards each resonance: exact
@@ -171,9 +173,9 @@ def random_response(
     given = density[0] if frequencies is None else checked_frequencies(frequencies)
     acceleration = None if base is None else complex_numbers(base, "random response: base", 3)
     with one_blas_thread():
-        vibration = ForcedVibration(model, **options)
+        vibration = ForcedVibration(model, count, **options)
         basis = vibration.basis(vibration.load(loads, acceleration))
-        truncation = basis.truncation(2.0 * np.pi * density[0, -1:])
+        truncation = basis.truncation(2.0 * np.pi * density[0, -1:], "random response: psd")
         covariance = _covariance(basis, damping, density)
         coordinates = basis.coordinates(2.0 * np.pi * given, damping)
     excitation = _interpolated(density, given)
