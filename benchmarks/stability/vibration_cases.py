@@ -249,17 +249,15 @@ def _ground(values: list[float], end: float = 1.0) -> Answer:
 def _in_frequency() -> Iterator[VibrationCase]:
     """Resonances without damping, frequencies and spectra that make no sense."""
     light = ModalDamping(0.02)
-    for method in ("modal", "direct"):
-        damping: ModalDamping | Rayleigh = light if method == "modal" else Rayleigh(20.0, 0.0)
-        yield VibrationCase("in frequency", f"{method}, at a resonance", partial(
-            _amplitude, method, damping, 1.0), 1e-3, quick=True)  # fmt: skip
-        yield VibrationCase("in frequency", f"{method}, a resonance that nothing damps", partial(
-            _amplitude, method, None, 1.0), ending=TOLD, cause="resonance|damp")  # fmt: skip
-        for name, share in (("NaN", np.nan), ("below zero", -1.0)):
-            yield VibrationCase("in frequency", f"{method}, a frequency {name}", partial(
-                _amplitude, method, damping, share), ending=TOLD, cause="frequenc")  # fmt: skip
+    yield VibrationCase("in frequency", "at a resonance", partial(_amplitude, light, 1.0), 1e-3,
+                        quick=True)  # fmt: skip
+    yield VibrationCase("in frequency", "a resonance that nothing damps", partial(
+        _amplitude, None, 1.0), ending=TOLD, cause="resonance|damp")  # fmt: skip
+    for name, share in (("NaN", np.nan), ("below zero", -1.0)):
+        yield VibrationCase("in frequency", f"a frequency {name}", partial(
+            _amplitude, light, share), ending=TOLD, cause="frequenc")  # fmt: skip
     yield VibrationCase("in frequency", "beyond the last mode", partial(
-        _amplitude, "modal", light, 1e3), ending=TOLD, cause="mode|count", quick=True)  # fmt: skip
+        _amplitude, light, 1e3), ending=TOLD, cause="mode|count", quick=True)  # fmt: skip
     spectra = {"below zero": ([1.0, 10.0], [1.0, -1.0]), "NaN": ([1.0, 10.0], [1.0, np.nan]),
                "from 0 Hz": ([0.0, 10.0], [1.0, 1.0]), "that goes back": ([10.0, 1.0], [1.0, 1.0]),
                "of one frequency": ([1.0], [1.0])}  # fmt: skip
@@ -268,7 +266,7 @@ def _in_frequency() -> Iterator[VibrationCase]:
                             ending=TOLD, cause="psd", quick=name == "NaN")  # fmt: skip
 
 
-def _amplitude(method: str, damping: ModalDamping | Rayleigh | None, share: float) -> Answer:
+def _amplitude(damping: ModalDamping | None, share: float) -> Answer:
     """Of the end, at a ``share`` of the first frequency."""
     model = block()
     every = dense_modes(model)
@@ -280,7 +278,7 @@ def _amplitude(method: str, damping: ModalDamping | Rayleigh | None, share: floa
     else:
         ratios = damping.ratios(every.angular)
         expected = np.abs(every.harmonic(model.load_cases[0], at, ratios))[0, -1, 2:]
-    found = harmonic(model, at, damping=damping, method=method)
+    found = harmonic(model, at, damping=damping)
     return Answer(found.amplitude[0, -1, 2:], expected, "all modes, dense")
 
 

@@ -166,11 +166,6 @@ def forced_beam() -> Iterator[Quantity]:
                    np.array([13.45, 241.9]), 0.02, source)  # fmt: skip
     exact = every.harmonic(forces, np.array([42.65]), 0.02)
     yield _beside("5H, 16 modes", mesh, size, seconds, shaken.u, exact, middle, same)
-    at = np.array([20.0, 42.65, 80.0])
-    direct, seconds = timed(lambda: harmonic(model, at, damping=drag, method="direct"))
-    exact = every.harmonic(forces, at, drag.ratios(every.angular))
-    yield _beside("5H, direct, 20, 42.65 and 80 Hz", mesh, size, seconds, direct.u, exact, middle,
-                  same)  # fmt: skip
 
     times, ratios = np.linspace(0.0, 0.02, 201), drag.ratios(every.angular)
     whole = every.step_response(forces, times, np.minimum(ratios, 1.0 - 1e-9))

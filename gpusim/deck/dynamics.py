@@ -15,7 +15,7 @@ from gpusim.deck.step import Analysis, Procedure, Step
 from gpusim.fem import History, Record, Solution
 from gpusim.fem.dynamics.initial_value_problem import InitialValueProblem
 from gpusim.fem.dynamics.nonlinear_motion import NonlinearMotion
-from gpusim.fem.dynamics.time_integration import LinearMotion, Motion, Scheme
+from gpusim.fem.dynamics.time_integration import LinearMotion, Scheme
 from gpusim.fem.dynamics.transient import integrated
 from gpusim.fem.linear.solve_plan import Clock, Options
 from gpusim.fem.model.history import State
@@ -71,12 +71,12 @@ class Dynamics(Procedure):
         names, limit = analysis.formulation, analysis.tolerance
         options = Options(analysis.method, None, "numpy", limit, None, None, None, names, Clock())
         moving = NonlinearMotion if analysis.nonlinear else LinearMotion
-        motion: Motion = moving(problem, scheme, analysis.damping, options)
+        motion = moving(problem, scheme, analysis.damping, options)
         fields = integrated(motion, partial(_states, motion, times), times, None, None)
         return History(times, method="hht", timings=options.clock.timings, model=model, **fields)
 
 
-def _states(motion: Motion, times: Float, state: State) -> Iterator[tuple[State, float]]:
+def _states(motion: LinearMotion, times: Float, state: State) -> Iterator[tuple[State, float]]:
     """At the ends of increments; their errors aren't looked at."""
     for time in times[1:]:
         state = motion.advance(state, time - state.time)

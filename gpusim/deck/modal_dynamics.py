@@ -28,7 +28,7 @@ from gpusim.fem import (
     mass_matrix,
     solve,
 )
-from gpusim.fem.dynamics.modal_superposition import ModalCoordinates, ModalMotion, Oscillators
+from gpusim.fem.dynamics.modal_superposition import ModalCoordinates, ModalMotion
 from gpusim.fem.dynamics.transient import superposed
 from gpusim.fem.model.damping import Damping
 from gpusim.fem.model.dead_loads import with_dead_loads
@@ -112,18 +112,14 @@ class ModalDynamics(Superposition):
             u, v = last.u[-1], last.v[-1]
         elif isinstance(last, Solution):
             u = converged(last, step).u
-        angular = 2.0 * np.pi * modes.frequencies
-        positive = np.maximum(angular, 1e-100)
-        ratios = 0.0 if step.damping is None else step.damping.ratios(positive)
-        coordinates = ModalCoordinates(
-            Oscillators(angular, 2.0 * ratios * positive),
-            Record(times, factors @ loads.forcing),
-            *shares(analysis, modes, np.stack([u, v])),
-        )
+        lost = np.zeros_like(modes.angular)
+        if step.damping is not None:
+            (lost,) = step.damping.dissipation(np.ones(1), modes.angular)
+        forcing = Record(times, factors @ loads.forcing)
+        begin = shares(analysis, modes, np.stack([u, v]))
+        coordinates = ModalCoordinates(modes.angular, lost, forcing, *begin)
         shapes, cases = np.concatenate([modes.shapes, loads.beyond]), len(loads.beyond)
-        response = ModalMotion(
-            shapes, coordinates, Record(times, factors), np.zeros((cases, cases)), {}
-        )
+        response = ModalMotion(shapes, coordinates, Record(times, factors), np.zeros(cases), {})
         fields = superposed(response, times, None)
         return History(times, method="modal", timings={}, model=modes.model, **fields)
 

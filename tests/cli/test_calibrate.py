@@ -38,6 +38,7 @@ def pictures(tmp_path_factory: pytest.TempPathFactory, device: gs.Device) -> Pat
     return folder
 
 
+@pytest.mark.drawn
 def test_a_pair_is_calibrated_and_written(pictures: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     done = CliRunner().invoke(

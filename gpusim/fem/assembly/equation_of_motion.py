@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_matrix, identity, kron
+from scipy.sparse import csr_matrix
 
 from gpusim.arrays.array_types import Bool, Float
+from gpusim.errors import NotConverged
 from gpusim.fem.assembly.assembly import Assembled, assemble, model_lattice
 from gpusim.fem.assembly.element_responses import element_responses
 from gpusim.fem.assembly.equation import Equation
@@ -34,7 +35,6 @@ from gpusim.fem.model.mass import ElementMass, check_densities, scalar_mass
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.solution import Solution
 from gpusim.fem.model.supports import rigid_modes
-from gpusim.fem.sparse.block_rows import block_matrix
 from gpusim.validation import require
 
 
@@ -58,24 +58,22 @@ class EquationOfMotion:
     _system: System
 
     @staticmethod
-    def of(model: Model, formulation: Mapping[str, str], mass_rule: str) -> EquationOfMotion:
-        """At rest, without loads. Raises InputError for a material without density."""
-        check_densities(model)
+    def of(model: Model, formulation: Mapping[str, str], mass_rule: str | None) -> EquationOfMotion:
+        """At rest, without loads; by no rule without mass, for what depends on the stiffness alone.
+        Raises InputError for a material without density."""
         return _equation_of_motion(model, formulation, mass_rule, None)
-
-    @staticmethod
-    def without_mass(model: Model, formulation: Mapping[str, str]) -> EquationOfMotion:
-        """At rest, of a body without mass: for what depends on the stiffness alone."""
-        return _equation_of_motion(model, formulation, None, None)
 
     @staticmethod
     def at(solution: Solution, formulation: Mapping[str, str], mass_rule: str) -> EquationOfMotion:
         """About the state of a ``solution``, stressed as it is there.
 
-        Raises InputError for laws with a history, whose state a solution doesn't hold.
+        Raises InputError for laws with a history, whose state a solution doesn't hold, and
+        NotConverged for a solution that isn't one.
         """
         assert solution.model is not None
-        check_densities(solution.model)
+        if not solution.converged:
+            got, expected = solution.message, "a converged one"
+            raise NotConverged(f"prestress: the solution; got {got}; expected {expected}")
         return _equation_of_motion(solution.model, formulation, mass_rule, solution)
 
     @cached_property
@@ -90,27 +88,24 @@ class EquationOfMotion:
 
     def stiffness_by_deformation(self, x: Float) -> Float:
         """The same without the rounding of the elements' matrices, several times as slow."""
-        system = self._reduced[1]
-        image = system.elements.product(x.reshape(len(x), -1, 3)).reshape(x.shape)
-        return np.where(self.unknown, image / self.scale, 0.0)
+        return self._on_rows(self._reduced[1].elements.product, x) / self.scale
 
     def rounding_by_deformation(self, x: Float) -> Float:
         """(L,3N) as much as rounding can do to `stiffness_by_deformation`."""
-        return self._sizes(self._reduced[1].by_deformation().rounding, x)
+        return np.abs(self._on_rows(self._reduced[1].by_deformation().rounding, x))
 
     def stiffness_by_differences(self, x: Float) -> Float:
         """K x from differences of displacements, as it is on a lattice anyway; between the two
         others, in time and as sharp."""
-        image = self._reduced[1].apply(x.reshape(len(x), -1, 3)).reshape(x.shape)
-        return np.where(self.unknown, image, 0.0)
+        return self._on_rows(self._reduced[1].apply, x)
 
     def rounding_by_differences(self, x: Float) -> Float:
         """(L,3N) as much as rounding can do to `stiffness_by_differences`."""
-        return self._sizes(self._reduced[1].rounding, x)
+        return np.abs(self._on_rows(self._reduced[1].rounding, x))
 
-    def _sizes(self, rounding: Callable[[Float], Float], x: Float) -> Float:
-        forces = rounding(x.reshape(len(x), -1, 3)).reshape(x.shape)
-        return np.where(self.unknown, np.abs(forces), 0.0)
+    def _on_rows(self, product: Callable[[Float], Float], x: Float) -> Float:
+        image = product(x.reshape(len(x), -1, 3)).reshape(x.shape)
+        return np.where(self.unknown, image, 0.0)
 
     def inertia(self, x: Float) -> Float:
         """M x (L,3N)."""
@@ -144,11 +139,6 @@ class EquationOfMotion:
         """What nodal forces (L,N,3), in the model's own numbers, do to x: (L,3N)."""
         return self._forces(self.inside(f))
 
-    def inertia_forces(self, a: Float) -> Float:
-        """What M a does to x: (L,3N), of accelerations a (L,N,3) of all nodes, in the model's own
-        numbers; those that are held still move as well."""
-        return self._forces(self.shift(1.0).forces(self.inside(a)))
-
     def base_motions(self) -> tuple[Float, Float, Float]:
         """The centre of mass (3,), masses and moments of inertia about it (6,), and what M r does
         to x: (6,3N), of translations and rotations r of all nodes about the centre."""
@@ -157,16 +147,6 @@ class EquationOfMotion:
         base = np.moveaxis(rigid_modes(self.points, centre, 1.0), 2, 0)
         forces = self.shift(1.0).forces(base)
         return centre, np.einsum("kni,kni->k", base, forces), self._forces(forces)
-
-    @property
-    def matrices(self) -> tuple[csr_matrix, csr_matrix]:
-        """K and M (n,n) over the scale, of the n displacements that are solved for."""
-        mass, free = csr_matrix(kron(self.mass, identity(3))), np.flatnonzero(self.unknown)
-        if self._elimination is not None:
-            mass = csr_matrix(self._elimination.matrix.T @ mass @ self._elimination.matrix)
-        both = block_matrix(self._reduced[0].rows).tocsr(), mass
-        stiffness, mass = (csr_matrix(one[free][:, free] / self.scale) for one in both)
-        return stiffness, mass
 
     def _forces(self, f: Float) -> Float:
         """(L,3N) of forces (L,N,3) in the numbers inside."""
@@ -206,6 +186,8 @@ class EquationOfMotion:
 def _equation_of_motion(
     model: Model, formulation: Mapping[str, str], mass_rule: str | None, solution: Solution | None
 ) -> EquationOfMotion:
+    if mass_rule is not None:
+        check_densities(model)
     lattice = model_lattice(model)
     numbering = Numbering.of(model) if lattice is None else None
     inside = model if numbering is None else numbering.renumbered(model)

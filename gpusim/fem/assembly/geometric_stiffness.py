@@ -9,17 +9,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import csr_matrix
 
-from gpusim.arrays.array_types import Float
+from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.elements.finite_strain import tensor
 from gpusim.fem.elements.isoparametric_map import determinant, inverse, reference_gradient
 from gpusim.fem.elements.strain import point_stress
+from gpusim.fem.model.mass import scalar_matrix
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.thermal_loads import linear_temperature, point_temperature
-
-_CHUNK = 4096
 
 
 def geometric_stiffness(model: Model, formulation: Mapping[str, str], u: Float) -> csr_matrix:
@@ -29,26 +28,21 @@ def geometric_stiffness(model: Model, formulation: Mapping[str, str], u: Float) 
     change = None if warm is None else linear_temperature("buckling", model.mesh, warm)
     moduli = np.stack([one.stiffness() for one in model.materials])
     expansion = np.stack([one.expansion_strain() for one in model.materials])
-    assert model.material_of_cell is not None
-    rows, columns, values = [], [], []
-    for kind, first, block in model.mesh.blocks():
-        rule, name = ELEMENTS[kind].rule(formulation[kind]), formulation[kind]
-        for start in range(0, len(block), _CHUNK):
-            cells = block[start : start + _CHUNK]
-            law = model.material_of_cell[first + start : first + start + len(cells)]
-            nodes, free = model.mesh.points[cells], None
-            if change is not None:
-                free = point_temperature(kind, rule, change[cells])[..., None]
-                free = free * expansion[law][:, None]
-            stress, volume = point_stress(kind, name, nodes, u[cells], moduli[law], free)
-            jacobian = reference_gradient(nodes - nodes[:, :1], rule)
-            back = inverse(jacobian, determinant(jacobian))
-            # dN_a / dx_i at the points: (3,M,Q,k)
-            slope = np.einsum("jimq,qaj->imqa", back, rule.gradient, optimize=True)
-            flux = np.einsum("ijmq,jmqa->imqa", tensor(stress) * volume, slope, optimize=True)
-            matrices = np.einsum("imqa,imqb->mab", slope, flux, optimize=True)
-            rows.append(np.repeat(cells, cells.shape[1], axis=1).ravel())
-            columns.append(np.tile(cells, (1, cells.shape[1])).ravel())
-            values.append(matrices.ravel())
-    entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
-    return csr_matrix(coo_matrix(entries, shape=(model.mesh.node_count,) * 2))
+    material_of_cell = model.material_of_cell
+    assert material_of_cell is not None
+
+    def matrices(kind: str, cells: Int, numbers: Long) -> Float:
+        rule, law = ELEMENTS[kind].rule(formulation[kind]), material_of_cell[numbers]
+        nodes, free = model.mesh.points[cells], None
+        if change is not None:
+            free = point_temperature(kind, rule, change[cells])[..., None]
+            free = free * expansion[law][:, None]
+        stress, volume = point_stress(kind, formulation[kind], nodes, u[cells], moduli[law], free)
+        jacobian = reference_gradient(nodes - nodes[:, :1], rule)
+        back = inverse(jacobian, determinant(jacobian))
+        # dN_a / dx_i at the points: (3,M,Q,k)
+        slope = np.einsum("jimq,qaj->imqa", back, rule.gradient, optimize=True)
+        flux = np.einsum("ijmq,jmqa->imqa", tensor(stress) * volume, slope, optimize=True)
+        return np.asarray(np.einsum("imqa,imqb->mab", slope, flux, optimize=True))
+
+    return scalar_matrix(model.mesh, matrices)

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Complex
-from gpusim.fem.dynamics.forced_vibration import ForcedVibration
-from gpusim.fem.dynamics.harmonic import steady_response
+from gpusim.fem.dynamics.harmonic import harmonic
 from gpusim.fem.model.damping import Damping
 from gpusim.fem.model.model import Model
 from gpusim.mesh import Mesh
-from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import checked, finite_numbers, is_number, one_of, require
 
 _DERIVATIVES = {"receptance": 0, "mobility": 1, "accelerance": 2}
@@ -30,7 +29,6 @@ def frequency_response(
     response: tuple[npt.ArrayLike, str] | None = None,
     kind: Annotated[str, one_of(*_DERIVATIVES)] = "receptance",
     damping: Damping | None = None,
-    method: Annotated[str, one_of("modal", "direct")] = "modal",
     **options: Any,
 ) -> Complex:
     """(F,) complex response of one point per unit of force at another.
@@ -42,8 +40,7 @@ def frequency_response(
     at : where the force acts: a node's number, or a point (3,) where one is, and "x", "y" or "z".
     response : what is looked at, likewise; None: the same as ``at``, the driving point.
     kind : "receptance" (displacement over force), "mobility" (velocity) or "accelerance".
-    damping, method : as for `gpusim.harmonic`, as are the further ``options``: ``count``,
-        ``formulation``, ``mass``, ``prestress`` and ``modes``.
+    damping, options : as for `gpusim.harmonic`.
 
     Raises InputError for a point without a node, and what `gpusim.harmonic` raises.
 
@@ -59,13 +56,13 @@ def frequency_response(
     """
     node, axis = _place(model.mesh, at, "frequency response: at")
     seen, along = _place(model.mesh, response or at, "frequency response: response")
-    force = np.zeros((1, *model.mesh.points.shape))
-    force[0, node, axis] = 1.0
-    with one_blas_thread():
-        vibration = ForcedVibration(model, **options)
-        load = vibration.equation.forces(force)[0]
-        require(bool(load.any()), "frequency response: at", f"node {node}", "a node that can move")
-        found = steady_response(vibration, load, frequencies, damping, method)
+    assert model.fixed is not None
+    held = bool(model.fixed[node, axis])
+    require(not held, "frequency response: at", f"node {node}", "a node that can move")
+    force = np.zeros(model.mesh.points.shape)
+    force[node, axis] = 1.0
+    pushed = replace(model, forces=force, prescribed=None, loads=(), temperature=None)
+    found = harmonic(pushed, frequencies, damping=damping, **options)
     receptance = found.coordinates @ found.shapes[:, seen, along]
     return np.asarray(receptance * (2j * np.pi * found.frequencies) ** _DERIVATIVES[kind])
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,13 +11,13 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Float
 from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
 from gpusim.fem.model.dead_loads import with_dead_loads
-from gpusim.fem.model.mass import ElementMass, check_densities, scalar_mass
+from gpusim.fem.model.mass import inertia_forces
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.record import Record
 from gpusim.fem.model.solution import Solution
 from gpusim.validation import finite_numbers, require
 
-Loads = npt.ArrayLike | Record | Callable[[float], npt.ArrayLike]
+Loads = npt.ArrayLike | Record
 Initial = Solution | tuple[npt.ArrayLike, npt.ArrayLike]
 
 # of the greatest displacement or velocity, that constraints may miss at first
@@ -28,8 +28,7 @@ _CONSISTENT = 1e-6
 class InitialValueProblem:
     """M a + C v + f_int(u) = the load cases of ``model`` by ``factors`` (R,K), from displacements
     ``u`` and velocities ``v`` (N,3). ``mass_rule`` and ``formulation`` say how M and f_int are
-    found. The first acceleration is what M + ``onset`` K makes of forces that aren't balanced.
-    Where the ``ground`` moves, the last three load cases are its accelerations along x y z."""
+    found. The first acceleration is what M + ``onset`` K makes of forces that aren't balanced."""
 
     model: Model
     formulation: Mapping[str, str]
@@ -38,7 +37,6 @@ class InitialValueProblem:
     u: Float
     v: Float
     onset: float = 0.0
-    ground: bool = False
 
     @property
     def linear_equation(self) -> EquationOfMotion:
@@ -48,13 +46,6 @@ class InitialValueProblem:
     def forces(self, equation: EquationOfMotion) -> Float:
         """(K,3N) of the load cases in the rows of an ``equation``."""
         return equation.forces(with_dead_loads(self.model, self.formulation).load_cases)
-
-    @property
-    def load_names(self) -> list[str]:
-        """(K) of the load cases."""
-        own = len(self.model.load_cases) - 3 * self.ground
-        ground = [f"motion of the ground along {axis}" for axis in "xyz" if self.ground]
-        return [*(f"load case {number}" for number in range(own)), *ground]
 
     def missed(self, step: float) -> float:
         """The share of a factor's sum over time that steps miss, of the one that they miss most."""
@@ -67,30 +58,11 @@ class InitialValueProblem:
         return float((np.abs(seen - exact) / np.maximum(exact, 1e-300)).max())
 
 
-def checked_model(model: Model) -> Model:
-    """Raises InputError for what can't move as it is told to."""
-    check_densities(model)
-    expected = "none: move the ground (base=...), or push with forces"
-    moved = bool(model.prescribed_cases.any())
-    require(not moved, "transient: prescribed displacements", "some that aren't 0", expected)
-    constant = any(one.right.any() for one in model.constraints)
-    require(not constant, "transient: constraints", "constant parts", "equations with right = 0")
-    return model
-
-
-def load_factors(loads: Loads | None, cases: int, times: Float, spacing: float) -> Record:
-    """(R,L) from the first to the last of ``times``. A function is asked every ``spacing``."""
+def load_factors(loads: Loads | None, cases: int, times: Float) -> Record:
+    """(R,L) from the first to the last of ``times``."""
     if loads is None:
         return Record(times[[0, -1]], np.ones((2, cases)))
-    if callable(loads):
-        steps = int(np.ceil((times[-1] - times[0]) / spacing))
-        asked = np.linspace(times[0], times[-1], steps + 1)
-        shapes, expected = [(cases,), ()][: 1 + (cases == 1)], f"{cases} finite factors"
-        found = [
-            finite_numbers(loads(float(t)), "transient: loads", shapes, expected) for t in asked
-        ]
-        loads = Record(asked, np.reshape(found, (-1, cases)))
-    elif not isinstance(loads, Record):
+    if not isinstance(loads, Record):
         shapes = [(len(times), cases)] + [(len(times),)] * (cases == 1)
         expected = f"finite numbers at each of the {len(times)} times, for {cases} load cases"
         loads = Record(times, finite_numbers(loads, "transient: loads", shapes, expected))
@@ -107,39 +79,37 @@ def with_moving_ground(problem: InitialValueProblem, base: Record | None) -> Ini
     require(isinstance(base, Record), "transient: base", type(base).__name__, "a Record, or None")
     width = base.values.shape[1]
     require(width == 3, "transient: base: components", width, "3 accelerations, x y z")
-    factors, model = problem.factors, problem.model
+    factors, model, warm = problem.factors, problem.model, problem.model.temperature
     ground = base.within(factors.times[0], factors.times[-1], "transient: base")
-    elements = ElementMass(model, problem.formulation, problem.mass_rule)
-    weight = np.asarray(scalar_mass(elements).sum(axis=1))
-    inertia = -weight[None] * np.eye(3)[:, None]
-    warm = model.temperature
+    inertia = inertia_forces(model, problem.formulation, problem.mass_rule)
     if warm is not None:
         warm = np.concatenate([warm, np.zeros((3, warm.shape[1]))])
-    times = np.union1d(factors.times, ground.times)
+    forces, times = (
+        np.concatenate([model.load_cases, inertia]),
+        np.union1d(factors.times, ground.times),
+    )
     return replace(
         problem,
-        model=replace(model, forces=np.concatenate([model.load_cases, inertia]), temperature=warm),
+        model=replace(model, forces=forces, temperature=warm),
         factors=Record(times, np.hstack([factors.at(times), ground.at(times)])),
-        ground=True,
     )
 
 
 def initial_state(model: Model, initial: Initial | None) -> tuple[Float, Float]:
     """Displacement and velocity (N,3)."""
-    shape = model.mesh.points.shape
+    shape, what = model.mesh.points.shape, "transient: initial"
     if initial is None:
         return np.zeros(shape), np.zeros(shape)
-    expected = f"a Solution with u {shape}, or (u, v) {shape} each"
     if isinstance(initial, Solution):
         initial = initial.u, np.zeros(shape)
+    expected = f"a Solution with u {shape}, or (u, v) {shape} each"
     pair = isinstance(initial, tuple) and len(initial) == 2
-    require(pair, "transient: initial", type(initial).__name__, expected)
-    u, v = (finite_numbers(one, "transient: initial", [shape], expected) for one in initial)
+    require(pair, what, type(initial).__name__, expected)
+    u, v = (finite_numbers(one, what, [shape], expected) for one in initial)
     assert model.fixed is not None
     for moved in (u, v):
-        what, allowed = "transient: initial", _CONSISTENT * np.abs(moved).max()
         require(not moved[model.fixed].any(), what, "motion of fixed nodes", "0 where model.fixed")
-        for one in model.constraints:
-            fits = bool(np.abs(one.matrix @ moved.ravel()).max(initial=0.0) <= allowed)
-            require(fits, what, "motion against constraints", "what they allow")
+        allowed = _CONSISTENT * np.abs(moved).max()
+        off = [np.abs(one.matrix @ moved.ravel()).max(initial=0.0) for one in model.constraints]
+        require(all(one <= allowed for one in off), what, "motion against constraints", "none")
     return u, v

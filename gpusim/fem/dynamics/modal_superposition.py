@@ -14,11 +14,8 @@ import numpy as np
 from scipy.linalg import expm
 
 from gpusim.arrays.array_types import Float
-from gpusim.errors import NotConverged
-from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
 from gpusim.fem.dynamics.initial_value_problem import InitialValueProblem
-from gpusim.fem.krylov.truncated_cg import truncated_cg
-from gpusim.fem.linear.shifted_solver import ShiftedSolver
+from gpusim.fem.dynamics.modal_basis import ModalBasis
 from gpusim.fem.linear.solve_plan import Options
 from gpusim.fem.model.damping import Damping
 from gpusim.fem.model.modes import Modes
@@ -26,21 +23,52 @@ from gpusim.fem.model.record import Record
 
 # instants that are worked on at a time
 _CHUNK = 1024
-# of forces, that modes are given credit for
-_ROUNDING = 1e-9
-# of the first elastic eigenvalue: what makes the stiffness of a free body definite
-_SHIFT = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Oscillators:
-    """n modes: ``angular`` frequencies (n,) rad/s, ``damping`` (n,) 1/s, twice the ratio times the
-    frequency."""
+class ModalStates:
+    """Amplitudes of n modes at m instants (m,n), their rates and accelerations, and the ``work``
+    (m,) that the loads have done."""
 
-    angular: Float
-    damping: Float
+    amplitude: Float
+    rate: Float
+    acceleration: Float
+    work: Float
 
-    def propagators(self, tau: Float) -> Float:
+
+class ModalCoordinates:
+    """Amplitudes of n modes at any instant, with ``angular`` frequencies (n,) rad/s and ``damping``
+    (n,) 1/s, twice the ratio times the frequency; from ``amplitude`` and ``rate`` (n,) at the first
+    instant of ``forcing``, the modal loads (R,n) over modal masses."""
+
+    def __init__(
+        self, angular: Float, damping: Float, forcing: Record, amplitude: Float, rate: Float
+    ) -> None:
+        self.angular, self.damping, self._forcing = angular, damping, forcing
+        self.first_energy = 0.5 * float((rate**2 + (angular * amplitude) ** 2).sum())
+        lapse, push = np.diff(forcing.times), forcing.values[:-1]
+        slope = forcing.slope(forcing.times[:-1])
+        # q, q', p and its slope where intervals begin, and the work of p until then
+        self._begin = np.stack([np.empty_like(push)] * 2 + [push, slope], axis=-1)
+        self._work, work = np.zeros(len(lapse)), 0.0
+        for first in range(0, len(lapse), _CHUNK):
+            steps = self._propagators(lapse[first : first + _CHUNK])
+            for number, step in enumerate(steps, first):
+                begin, self._work[number] = self._begin[number], work
+                begin[:, 0], begin[:, 1] = amplitude, rate
+                amplitude, rate, _, gained = _carried(step, begin, lapse[number])
+                work += float(gained)
+
+    def at(self, times: Float) -> ModalStates:
+        """Within those of the loads."""
+        number = np.searchsorted(self._forcing.times, times, side="right") - 1
+        number = np.clip(number, 0, len(self._begin) - 1)
+        tau = times - self._forcing.times[number]
+        q, rate, push, gained = _carried(self._propagators(tau), self._begin[number], tau[:, None])
+        acceleration = push - self.damping * rate - self.angular**2 * q
+        return ModalStates(q, rate, acceleration, self._work[number] + gained)
+
+    def _propagators(self, tau: Float) -> Float:
         """(m,n,3,5): what the integral of q, q and q' are after times ``tau`` (m,), by what these,
         p and its slope were."""
         lapse, number = np.unique(tau, return_inverse=True)
@@ -58,75 +86,27 @@ class Oscillators:
         return np.asarray(grown[number])
 
 
-@dataclass(frozen=True, eq=False)
-class ModalStates:
-    """Amplitudes of n modes at m instants (m,n), their rates and accelerations, and the ``work``
-    (m,) that the loads have done."""
-
-    amplitude: Float
-    rate: Float
-    acceleration: Float
-    work: Float
-
-
-class ModalCoordinates:
-    """Amplitudes of modes at any instant, from ``amplitude`` and ``rate`` (n,) at the first one of
-    ``forcing``: the modal loads (R,n) over modal masses."""
-
-    def __init__(
-        self, oscillators: Oscillators, forcing: Record, amplitude: Float, rate: Float
-    ) -> None:
-        self.oscillators, self._forcing = oscillators, forcing
-        lapse, values = np.diff(forcing.times), forcing.values
-        slope = np.diff(values, axis=0) / lapse[:, None]
-        self.first_energy = 0.5 * float((rate**2 + (oscillators.angular * amplitude) ** 2).sum())
-        # q, q', p and its slope where intervals begin, and the work of p until then
-        self._begin = np.stack([np.empty_like(slope)] * 2 + [values[:-1], slope], axis=-1)
-        self._work = np.zeros(len(lapse))
-        state, work = np.stack([amplitude, rate], axis=-1), 0.0
-        for first in range(0, len(lapse), _CHUNK):
-            steps = oscillators.propagators(lapse[first : first + _CHUNK])
-            for number, step in enumerate(steps, first):
-                self._begin[number, :, :2], self._work[number] = state, work
-                area, *after = _carried(step, self._begin[number])
-                state = np.stack(after, axis=-1)
-                gained = values[number + 1] * after[0] - values[number] * self._begin[number, :, 0]
-                work += float((gained - slope[number] * area).sum())
-
-    def at(self, times: Float) -> ModalStates:
-        """Within those of the loads."""
-        forcing = self._forcing
-        number = np.searchsorted(forcing.times, times, side="right") - 1
-        number = np.clip(number, 0, len(self._begin) - 1)
-        tau, begin = times - forcing.times[number], self._begin[number]
-        area, q, rate = _carried(self.oscillators.propagators(tau), begin)
-        load = begin[..., 2] + begin[..., 3] * tau[:, None]
-        # the integral of p q', by parts
-        gained = (load * q - begin[..., 2] * begin[..., 0] - begin[..., 3] * area).sum(axis=1)
-        own = self.oscillators
-        return ModalStates(
-            q, rate, load - own.damping * rate - own.angular**2 * q, self._work[number] + gained
-        )
-
-
-def _carried(step: Float, begin: Float) -> tuple[Float, Float, Float]:
-    """The integral of q, q and q' (...,n) after propagators (...,n,3,5) of q, q', p and slope."""
+def _carried(step: Float, begin: Float, tau: Float | float) -> tuple[Float, Float, Float, Float]:
+    """q, q' and p (...,n) after ``tau``, by propagators (...,n,3,5) of q, q', p and its slope, and
+    the work of p until then, (...): the integral of p q', by parts."""
     area, q, rate = np.moveaxis(np.einsum("...ij,...j->...i", step[..., 1:], begin), -1, 0)
-    return area, q, rate
+    first, _, push, slope = np.moveaxis(begin, -1, 0)
+    after = push + slope * tau
+    return q, rate, after, (after * q - push * first - slope * area).sum(axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
 class ModalMotion:
     """A body's motion, exact at any instant: ``shapes`` (n + K,N,3) by their amplitudes.
 
-    The first are ``modes``. The others are corrections, one a load case: of its static answer what
-    modes lack. They follow the ``factors`` of the loads, and have ``stiffness`` (K,K). ``lacking``:
-    the shares of energies that modes lack, by name.
+    The first are ``modes``. The others have no inertia: their amplitudes are those of a ``static``
+    record (R,K), and they have ``stiffness`` (K,). ``lacking``: the shares of energies that modes
+    lack, by name.
     """
 
     shapes: Float
     modes: ModalCoordinates
-    factors: Record
+    static: Record
     stiffness: Float
     lacking: dict[str, float]
 
@@ -138,74 +118,47 @@ class ModalMotion:
 
     def coordinates(self, times: Float) -> tuple[Float, Float, Float, Float]:
         """Amplitudes at ``times`` (m,), rates and accelerations (m,n + K), and energies (4,m), the
-        fields of an `EnergyHistory`: damping has dissipated what is missing. Corrections have no
-        inertia."""
-        states, own, factors = self.modes.at(times), self.modes.oscillators, self.factors.at(times)
+        fields of an `EnergyHistory`: damping has dissipated what is missing."""
+        own, states, static = self.modes, self.modes.at(times), self.static.at(times)
         kinetic = 0.5 * (states.rate**2).sum(axis=1)
         strain = 0.5 * ((own.angular * states.amplitude) ** 2).sum(axis=1)
-        lost = states.work - (kinetic + strain - self.modes.first_energy)
+        lost = states.work - (kinetic + strain - own.first_energy)
         lost = lost if own.damping.any() else np.zeros_like(lost)
-        added = 0.5 * np.einsum("tk,kl,tl->t", factors, self.stiffness, factors)
-        first = self.factors.values[0]
-        work = states.work + added - 0.5 * first @ self.stiffness @ first
-        slope = self.factors.slope(times)
+        first, added = (0.5 * q**2 @ self.stiffness for q in (self.static.values[:1], static))
+        slope = self.static.slope(times)
         return (
-            np.hstack([states.amplitude, factors]),
+            np.hstack([states.amplitude, static]),
             np.hstack([states.rate, slope]),
             np.hstack([states.acceleration, np.zeros_like(slope)]),
-            np.stack([kinetic, strain + added, work, lost]),
+            np.stack([kinetic, strain + added, states.work + added - first, lost]),
         )
 
 
 def modal_superposition(
     problem: InitialValueProblem, modes: Modes, damping: Damping | None, options: Options
 ) -> ModalMotion:
-    """Of mass-normalised ``modes``."""
+    """Of mass-normalised ``modes``, and of residual vectors as if these had no inertia."""
     equation, factors = problem.linear_equation, problem.factors
-    forces = problem.forces(equation)
-    x, scale = equation.unknowns(modes.shapes), equation.scale
-    angular = modes.angular
-    # rigid-body modes may have a damping, though no ratio
-    positive = np.maximum(angular, 1e-100)
-    lost = np.zeros_like(angular) if damping is None else 2.0 * damping.ratios(positive) * positive
-    inertia, loads = equation.inertia(x), scale * forces @ x.T
+    loads = np.where(factors.values.any(axis=0), problem.forces(equation).T, 0.0).T
+    basis = ModalBasis.of(equation, modes, loads, options)
+    angular, beyond = np.split(basis.angular, [basis.count])
+    push, pull = np.split(basis.forcing.real, [basis.count], axis=1)
     begin = equation.unknowns(np.stack([problem.u, problem.v]))
-    amplitude, rate = scale * begin @ inertia.T
-    forcing = Record(factors.times, factors.values @ loads)
-    coordinates = ModalCoordinates(Oscillators(angular, lost), forcing, amplitude, rate)
-    missing, acting = forces - loads @ inertia, factors.values.any(axis=0)
-    missing -= scale * missing @ x.T @ inertia
-    # rounding, where modes have all of a load
-    missing[np.abs(missing).max(axis=1) <= _ROUNDING * np.abs(forces).max(axis=1)] = 0.0
-    missing[~acting] = 0.0
-    corrections = _static_corrections(equation, angular, missing, options)
-    corrections -= scale * corrections @ inertia.T @ x
-    stiffness = scale * corrections @ forces.T
-    shapes = np.concatenate([modes.shapes, equation.displacements(corrections)])
-    static = ((loads / positive)[:, angular > 0.0] ** 2).sum(axis=1) + np.diag(stiffness)
+    inertia = equation.inertia(equation.unknowns(basis.shapes[: basis.count]))
+    amplitude, rate = equation.scale * begin @ inertia.T
+    lost = np.zeros_like(angular)
+    if damping is not None:
+        (lost,) = damping.dissipation(np.ones(1), angular)
+    forcing = Record(factors.times, factors.values @ push)
+    coordinates = ModalCoordinates(angular, lost, forcing, amplitude, rate)
     lacking = {
-        f"static answer to {name} (which is added, as if it had no inertia)": share
-        for name, share in zip(
-            problem.load_names, np.diag(stiffness) / np.maximum(static, 1e-300), strict=True
-        )
+        "static answer to a load (which is added, as if it had no inertia)": basis.lacking.max()
     }
     for what, own, state, image in (
         ("initial displacement", angular * amplitude, begin[:1], equation.stiffness(begin[:1])),
         ("initial velocity", rate, begin[1:], equation.inertia(begin[1:])),
     ):
-        whole = scale * float(np.vdot(state, image))
+        whole = equation.scale * float(np.vdot(state, image))
         lacking[what] = 1.0 - float(own @ own) / whole if whole > 0.0 else 0.0
-    return ModalMotion(shapes, coordinates, factors, stiffness, lacking)
-
-
-def _static_corrections(
-    equation: EquationOfMotion, angular: Float, missing: Float, options: Options
-) -> Float:
-    """K^-1 times forces (K,3N) that move no mode."""
-    rigid = angular.min() <= 0.0
-    shift = float(_SHIFT * angular[angular > 0.0].min(initial=1.0) ** 2) if rigid else 0.0
-    near = ShiftedSolver(equation, shift, options).preconditioner
-    found = truncated_cg(equation.stiffness, near, missing, options.tolerance)
-    if found is None:
-        raise NotConverged("transient: static answers; got a stiffness that isn't positive")
-    return found[0]
+    static = Record(factors.times, factors.values @ (pull / beyond**2))
+    return ModalMotion(basis.shapes, coordinates, static, beyond**2, lacking)

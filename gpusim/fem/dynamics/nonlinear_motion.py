@@ -153,9 +153,8 @@ class NonlinearMotion(LinearMotion):
         """(N,3) of those of states."""
         return x
 
-    def energies(self, state: State) -> Float:
-        """(2,) kinetic and strain energy, where the last step began or ended."""
-        return self._balances[state.time].energies
+    def _energies(self, state: State) -> Float:
+        return np.append(self._balances[state.time].energies, state.gains)
 
     def _inertia(self, a: Float) -> Float:
         return np.asarray(self._mass.forces(a[None])[0])

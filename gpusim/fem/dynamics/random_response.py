@@ -15,18 +15,14 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Complex, Float
-from gpusim.fem.dynamics.forced_vibration import (
-    ForcedVibration,
-    checked_frequencies,
-    complex_numbers,
-)
+from gpusim.fem.dynamics.forced_vibration import checked_frequencies, forced_vibration
 from gpusim.fem.dynamics.modal_basis import ModalBasis
 from gpusim.fem.model.damping import DAMPINGS, Damping
-from gpusim.fem.model.model import Model
+from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.recovery.stress import stress
 from gpusim.field_summary import field_summary
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import Count, as_float64, checked, require
+from gpusim.validation import as_float64, checked, require
 
 # stress components xx yy zz xy yz zx times that have the von Mises stress as their length
 _MISES = np.zeros((6, 6))
@@ -130,7 +126,6 @@ def random_response(
     frequencies: npt.ArrayLike | None = None,
     loads: npt.ArrayLike | None = None,
     base: npt.ArrayLike | None = None,
-    count: Count = 20,
     **options: Any,
 ) -> RandomResponse:
     """Stationary random vibration of a linear model under one load, by modal superposition.
@@ -145,8 +140,7 @@ def random_response(
     frequencies : (F,) Hz at which spectral densities of results are given; None: those of ``psd``.
     loads, base : the amplitudes that the factor multiplies, as for `gpusim.harmonic`: weights (L,)
         of the load cases, which vary together, and an acceleration (3,).
-    count : how many modes.
-    options : ``formulation``, ``mass``, ``prestress`` and ``modes``, as for
+    options : ``count``, ``formulation``, ``mass``, ``prestress`` and ``modes``, as for
         `gpusim.harmonic`.
 
     RMS are integrals over the band, by Gauss' rule on panels graded towards each resonance: exact
@@ -171,16 +165,15 @@ def random_response(
     )
     require(bool(good), "random response: psd", repr(psd), expected)
     given = density[0] if frequencies is None else checked_frequencies(frequencies)
-    acceleration = None if base is None else complex_numbers(base, "random response: base", 3)
     with one_blas_thread():
-        vibration = ForcedVibration(model, count, **options)
-        basis = vibration.basis(vibration.load(loads, acceleration))
+        basis = forced_vibration(model, loads, base, **options)
         truncation = basis.truncation(2.0 * np.pi * density[0, -1:], "random response: psd")
         covariance = _covariance(basis, damping, density)
         coordinates = basis.coordinates(2.0 * np.pi * given, damping)
     excitation = _interpolated(density, given)
+    names = resolve_formulation(model, options.get("formulation"))
     return RandomResponse(given, excitation, coordinates, basis.shapes, covariance,
-                          float(truncation[0]), model, vibration.names)  # fmt: skip
+                          float(truncation[0]), model, names)  # fmt: skip
 
 
 def _covariance(basis: ModalBasis, damping: Damping, density: Float) -> Float:

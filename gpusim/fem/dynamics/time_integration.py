@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import count
 
 import numpy as np
@@ -16,7 +17,7 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
 from gpusim.fem.dynamics.initial_value_problem import InitialValueProblem
-from gpusim.fem.krylov.cg import NumpyCG, Preconditioner
+from gpusim.fem.krylov.cg import Preconditioner
 from gpusim.fem.krylov.truncated_cg import truncated_cg
 from gpusim.fem.linear.shifted_solver import ShiftedSolver
 from gpusim.fem.linear.solve_plan import Options
@@ -27,7 +28,6 @@ from gpusim.validation import require
 METHODS = ("newmark", "hht", "generalized-alpha")
 # of conjugate gradients on the mass, whose condition is some tens once it is scaled
 _MASS_TOLERANCE = 1e-12
-_MOST_ITERATIONS = 200
 # relative difference of shifts that is rounding
 _SAME = 1e-9
 # an adaptive step is doubled where its error is so much below what is allowed: it grows by 8
@@ -112,7 +112,8 @@ class LinearMotion:
         self._begin = self.equation.unknowns(np.stack([problem.u, problem.v]))[:, None]
         self._solvers: dict[float, ShiftedSolver] = {}
         self._counts: list[int] = []
-        self._told: tuple[State | None, Float] = None, np.zeros(2)
+        # a step ends where the next one begins
+        self.energies = lru_cache(2)(self._energies)
 
     @property
     def message(self) -> str:
@@ -137,7 +138,7 @@ class LinearMotion:
         onset = self._problem.onset
         if onset > 0.0:
             solver, right = self._solver(1.0 / onset), force / onset
-            return solver.apply(right) if solver.exact else self._iterated(solver, right, 0.0)
+            return self._solution(solver, right, 0.0)
         diagonal = np.repeat(self.equation.mass.diagonal(), 3) / self.equation.scale
         near = _Diagonal(np.where(diagonal > 0.0, diagonal, 1.0))
         found = truncated_cg(self.equation.inertia, near, force, _MASS_TOLERANCE)
@@ -156,22 +157,19 @@ class LinearMotion:
         inner = equation.stiffness(strained)
         force = scheme.between(self._load(state.time), self._load(after.time)) - inner
         force -= equation.inertia(state.a + damping.mass * v)
-        self._last = shift, self._solver(shift)
-        solver = self._last[1]
-        if solver.exact:
-            d = solver.apply(force / factor)
-        else:
-            energy = np.vdot(strained, inner) + shift * np.vdot(after.u, equation.inertia(after.u))
-            d = self._iterated(solver, force / factor, float(energy))
-        after = scheme.corrected(after, d, step)
+        solver, energy = self._solver(shift), 0.0
+        if not solver.exact:
+            energy = float(np.vdot(strained, inner))
+            energy += shift * float(np.vdot(after.u, equation.inertia(after.u)))
+        after = scheme.corrected(after, self._solution(solver, force / factor, energy), step)
         return replace(after, gains=state.gains + self._gains(state, after))
 
     def error(self, before: State, after: State) -> float:
-        """Of the last step, estimated, of the greatest displacement. What such steps don't resolve
-        of motions is left out: it stays small."""
-        shift, solver = self._last
+        """Of a step, estimated, of the greatest displacement. What such steps don't resolve of
+        motions is left out: it stays small."""
+        shift, _ = self._scheme.shift(after.time - before.time, self._damping)
         inertia = self.equation.inertia(self._scheme.local_error(before, after))
-        return float(np.abs(solver.apply(shift * inertia)).max())
+        return float(np.abs(self._solver(shift).apply(shift * inertia)).max())
 
     def size(self, duration: float) -> float:
         """About the greatest displacement: what loads, and impulses that make the first velocities,
@@ -192,13 +190,11 @@ class LinearMotion:
             lost = float(np.vdot(moved, drag)) / (after.time - before.time)
         return equation.scale * np.array([work, lost])
 
-    def energies(self, state: State) -> Float:
-        """(2,) kinetic and strain energy; one that was asked for is asked for again."""
-        if state is not self._told[0]:
-            kinetic = np.vdot(state.v, self.equation.inertia(state.v))
-            strain = np.vdot(state.u, self.equation.stiffness(state.u))
-            self._told = state, 0.5 * self.equation.scale * np.array([kinetic, strain])
-        return self._told[1]
+    def _energies(self, state: State) -> Float:
+        """(4,) the fields of an `EnergyHistory`."""
+        equation, u, v = self.equation, state.u, state.v
+        twice = np.vdot(v, equation.inertia(v)), np.vdot(u, equation.stiffness(u))
+        return np.append(0.5 * equation.scale * np.array(twice), state.gains)
 
     def displacements(self, x: Float) -> Float:
         """(N,3) of a vector of states, with what constraints gave up."""
@@ -217,20 +213,16 @@ class LinearMotion:
         self._solvers[shift] = ShiftedSolver(self.equation, shift, self._options)
         return self._solvers[shift]
 
-    def _iterated(self, solver: ShiftedSolver, right: Float, size: float) -> Float:
-        loop = NumpyCG(solver.product, solver.preconditioner)
-        left = float(loop.begin(right)[0])
-        limit = self._options.tolerance**2 * max(size, left)
-        for iteration in range(_MOST_ITERATIONS):
-            if left <= limit:
-                self._counts.append(iteration)
-                return loop.correction()
-            ((rz, _, beta, _),) = loop.run(1, np.ones(1, dtype=bool))[0]
-            left = float(rz * beta)
-        raise NotConverged(
-            f"transient: got {_MOST_ITERATIONS} iterations in a step; expected an error of "
-            f"{self._options.tolerance:.1e} before"
-        )
+    def _solution(self, solver: ShiftedSolver, right: Float, size: float) -> Float:
+        """To the tolerance, of an energy of that ``size``."""
+        if solver.exact:
+            return solver.apply(right)
+        near, tolerance = solver.preconditioner, self._options.tolerance
+        found = truncated_cg(solver.product, near, right, tolerance, size)
+        if found is None:
+            raise NotConverged("transient: got a stiffness that isn't definite; expected one")
+        self._counts.append(found[1])
+        return found[0]
 
 
 class _Diagonal(Preconditioner):
@@ -242,26 +234,17 @@ class _Diagonal(Preconditioner):
         return r / self._diagonal
 
 
-# what moves; that at large displacements is one of it
-Motion = LinearMotion
-
-
-@dataclass(frozen=True)
-class StepSize:
-    """The ``first`` step, and the longest; shorter ones are taken where their estimated ``error``
-    would be greater. Infinite: all are as long as the first."""
-
-    first: float
-    error: float
-
-
-def time_steps(motion: Motion, state: State, control: StepSize) -> Iterator[tuple[State, float]]:
+def time_steps(
+    motion: LinearMotion, first: float, allowed: float, state: State
+) -> Iterator[tuple[State, float]]:
     """States one step after the other, and their estimated errors; of constant steps the error of
     every tenth, NaN of others.
 
-    Raises NotConverged where a constant step fails, or an adaptive one becomes too small.
+    The ``first`` step is the longest: shorter ones are taken where their error would be greater
+    than ``allowed``. Raises NotConverged where a constant step fails, or an adaptive one becomes
+    too small.
     """
-    step, adaptive = control.first, control.error < np.inf
+    step, adaptive = first, allowed < np.inf
     for number in count():
         for _ in range(_MOST_HALVINGS if adaptive else 1):
             error = np.nan
@@ -269,7 +252,7 @@ def time_steps(motion: Motion, state: State, control: StepSize) -> Iterator[tupl
                 after = motion.advance(state, step)
                 if adaptive or number % _LOOK == 0:
                     error = motion.error(state, after)
-                if not adaptive or error <= control.error:
+                if not adaptive or error <= allowed:
                     break
                 reason = f"an error of {error:.2g}"
             except NotConverged as failure:
@@ -278,9 +261,9 @@ def time_steps(motion: Motion, state: State, control: StepSize) -> Iterator[tupl
         else:
             raise NotConverged(
                 f"transient: a step from {state.time:.6g}; got {reason}; expected one that can be "
-                f"made: a shorter one than {control.first:.3g}, or step='adaptive'"
+                f"made: a shorter one than {first:.3g}, or step='adaptive'"
             )
         yield after, error
         state = after
-        if adaptive and error <= _SMALL_ERROR * control.error:
-            step = min(2.0 * step, control.first)
+        if adaptive and error <= _SMALL_ERROR * allowed:
+            step = min(2.0 * step, first)

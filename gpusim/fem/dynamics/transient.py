@@ -14,18 +14,16 @@ from gpusim.fem.dynamics.initial_value_problem import (
     Initial,
     InitialValueProblem,
     Loads,
-    checked_model,
     initial_state,
     load_factors,
     with_moving_ground,
 )
 from gpusim.fem.dynamics.modal_superposition import ModalMotion, modal_superposition
+from gpusim.fem.dynamics.nonlinear_motion import NonlinearMotion
 from gpusim.fem.dynamics.time_integration import (
     METHODS,
     LinearMotion,
-    Motion,
     Scheme,
-    StepSize,
     time_steps,
 )
 from gpusim.fem.eigenvalues.modes import modes
@@ -44,6 +42,7 @@ from gpusim.fem.model.history import (
 from gpusim.fem.model.mass import MASS_RULES
 from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.model.record import Record, increasing
+from gpusim.fem.model.supports import check_still
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import Count, Rule, Share, checked, is_number, one_of, require
 
@@ -93,8 +92,8 @@ def transient(
     model : see `gpusim.Model`; its materials need densities.
     times : (T,) increasing; the first one is when it begins.
     loads : factors of the model's load cases, linear in between: (T,), or (T,L) of L cases, at
-        ``times``; a `Record` with times of its own (an impact; a moving load, one case a place); a
-        function of time. None: 1 from the first instant on.
+        ``times``; or a `Record` with times of its own (an impact; a moving load, one case a place).
+        None: 1 from the first instant on.
     method : "modal": of ``count`` modes, exact between instants at which loads bend; or steps by
         "newmark" (trapezoidal rule), "hht" or "generalized-alpha", of second order.
     damping : `Rayleigh`, or with "modal" `ModalDamping`.
@@ -102,7 +101,7 @@ def transient(
     base : accelerations of the ground, a `Record` (R,3); displacements are relative to it.
     step : length of steps; None: a quarter of the shortest between ``times``, or less where loads
         ask for it; "adaptive": that at most, and none is more than ``tolerance`` of the greatest
-        displacement off. Of "modal", how often ``loads`` that are a function are asked.
+        displacement off.
     spectral_radius : what "hht" and "generalized-alpha" leave in a step of motions that are much
         too quick for it: 1 all, 0 nothing.
     tolerance : error of the solution of each step, relative.
@@ -123,12 +122,12 @@ def transient(
     >>> f"{np.asarray(history.u)[:, -1, 2].max() / gs.solve(model).u[-1, 2]:.2f}"
     '1.90'
     """
-    at, cases = increasing(times, "transient: times"), len(checked_model(model).load_cases)
-    names, first = resolve_formulation(model, formulation), _first_step(at, step)
+    check_still(model, "transient")
+    at, names = increasing(times, "transient: times"), resolve_formulation(model, formulation)
     _check_fit(method, damping, geometry, progress)
-    stepped = method != "modal" or step is None or callable(loads)
+    stepped = method != "modal" or step is None
     require(stepped, "transient: step of method 'modal'", step, "None: it takes no steps")
-    factors = load_factors(loads, cases, at, first)
+    factors = load_factors(loads, len(model.load_cases), at)
     problem = InitialValueProblem(model, names, mass, factors, *initial_state(model, initial))
     problem = with_moving_ground(problem, base)
     sharp = min(tolerance, _SOLUTION)
@@ -139,63 +138,47 @@ def transient(
             fields = superposed(modal_superposition(problem, found, damping, options), at, file)
         else:
             scheme = Scheme.named(method, spectral_radius)
-            first = _fine_step(problem, first, is_number(step))
             rayleigh = damping if isinstance(damping, Rayleigh) else Rayleigh()
-            motion = _motion(geometry)(problem, scheme, rayleigh, options)
+            first = _step_length(problem, at, step)
+            kind = LinearMotion if geometry == "linear" else NonlinearMotion
+            motion = kind(problem, scheme, rayleigh, options)
             error = tolerance * motion.size(at[-1] - at[0]) if step == "adaptive" else np.inf
-            steps = partial(time_steps, motion, control=StepSize(first, error))
+            steps = partial(time_steps, motion, first, error)
             fields = integrated(motion, steps, at, file, progress)
     options.clock.mark("response")
     return History(times=at, method=method, timings=options.clock.timings, model=model, **fields)
 
 
-def _first_step(times: Float, step: float | str | None) -> float:
-    """Of constant steps, or the longest of adaptive ones."""
-    if step is None or step == "adaptive":
-        return float(np.diff(times).min()) / _SUBSTEPS
-    length = float(step) if is_number(step) else np.nan
-    fits = 0.0 < length < np.inf
-    require(fits, "transient: step", repr(step), "a time above 0, 'adaptive', or None")
-    return length
-
-
-def _fine_step(problem: InitialValueProblem, step: float, given: bool) -> float:
-    """One that misses little of the loads. Raises InputError where a ``given`` one misses more, or
-    every one that can be made."""
-    whole, what = float(np.ptp(problem.factors.times)), "transient: step"
-    require(step <= whole, f"{what}, too long", step, f"at most {whole:.6g}, all of it")
-    while (missed := problem.missed(step)) > _MISSED:
-        got = f"{step:.3g}, which misses {missed:.0%} of a load in between"
-        fits = not given and step > _FINEST * whole
+def _step_length(problem: InitialValueProblem, times: Float, step: float | str | None) -> float:
+    """Of constant steps, or the longest of adaptive ones: where none is given, one that misses
+    little of the loads. Raises InputError for one that misses more."""
+    given, what, whole = is_number(step), "transient: step", float(np.ptp(times))
+    length = float(step) if given else float(np.diff(times).min()) / _SUBSTEPS  # type: ignore[arg-type]
+    fits = (given or step in (None, "adaptive")) and 0.0 < length < np.inf
+    require(fits, what, repr(step), "a time above 0, 'adaptive', or None")
+    require(length <= whole, f"{what}, too long", length, f"at most {whole:.6g}, all of it")
+    while (missed := problem.missed(length)) > _MISSED:
+        got = f"{length:.3g}, which misses {missed:.0%} of a load in between"
+        fits = not given and length > _FINEST * whole
         require(fits, f"{what}, too long", got, f"{_MISSED:.0%} at most")
-        step *= 0.5
-    return step
+        length *= 0.5
+    return length
 
 
 def _check_fit(
     method: str, damping: Damping | None, geometry: str, progress: Progress | None
 ) -> None:
     """Raises InputError for what a method can't do."""
-    called, linear = progress is None or callable(progress), geometry == "linear"
+    called, by_modes = progress is None or callable(progress), method == "modal"
     require(called, "transient: progress", repr(progress), "a function, or None")
-    fits, what = linear or method != "modal", "transient: method at large displacements"
+    fits, what = geometry == "linear" or not by_modes, "transient: method at large displacements"
     require(fits, what, method, f"one of {', '.join(METHODS)}")
-    what, got, dragging = "transient: damping", repr(damping), isinstance(damping, Rayleigh)
-    known = damping is None or dragging or isinstance(damping, ModalDamping)
-    require(known, what, got, "Rayleigh or ModalDamping: that of structures is harmonic")
-    if method != "modal":
-        require(damping is None or dragging, what, got, "Rayleigh, or method='modal'")
-    turning = not linear and isinstance(damping, Rayleigh) and damping.stiffness > 0.0
-    require(not turning, what, got, "stiffness=0 at large displacements: it would damp rotations")
-
-
-def _motion(geometry: str) -> type[LinearMotion]:
-    """What linear theory doesn't need isn't loaded."""
-    if geometry == "linear":
-        return LinearMotion
-    from gpusim.fem.dynamics.nonlinear_motion import NonlinearMotion
-
-    return NonlinearMotion
+    known = isinstance(damping, Rayleigh | None) or (by_modes and isinstance(damping, ModalDamping))
+    expected = "Rayleigh, or of modes ModalDamping; that of structures is harmonic"
+    require(known, "transient: damping", repr(damping), expected)
+    turning = geometry != "linear" and isinstance(damping, Rayleigh) and damping.stiffness > 0.0
+    expected = "stiffness=0 at large displacements: it would damp rotations"
+    require(not turning, "transient: damping", repr(damping), expected)
 
 
 def superposed(motion: ModalMotion, times: Float, file: FilePath) -> dict[str, Any]:
@@ -213,7 +196,7 @@ def superposed(motion: ModalMotion, times: Float, file: FilePath) -> dict[str, A
                     frames = slice(first, first + _FRAMES)
                     data[name][frames] = values[frames]
     return written(fields, file) | {
-        "message": f"{len(motion.modes.oscillators.angular)} modes",
+        "message": f"{len(motion.modes.angular)} modes",
         "modal": motion,
         "warnings": tuple(
             f"modes lack {share:.2g} of the energy of the {what}; more of them (count=...) lack "
@@ -225,7 +208,7 @@ def superposed(motion: ModalMotion, times: Float, file: FilePath) -> dict[str, A
 
 
 def integrated(
-    motion: Motion,
+    motion: LinearMotion,
     steps: Callable[[State], Iterable[tuple[State, float]]],
     times: Float,
     file: FilePath,
@@ -236,16 +219,15 @@ def integrated(
     worst, greatest, k = 0.0, 0.0, 1
     before = motion.begin(times[0])
     with storage(times, len(motion.displacements(before.u)), file) as fields:
-        _keep(fields, 0, motion, before, motion.energies(before))
+        _keep(fields, 0, motion, (before.u, before.v, before.a), motion.energies(before))
         for number, (after, error) in enumerate(steps(before), 1):
             slack = _SAME * (after.time - before.time)
             worst, greatest = np.fmax(worst, error), max(greatest, float(np.abs(after.u).max()))
-            if times[k] <= after.time + slack:
-                energies = motion.energies(before), motion.energies(after)
             while k < len(times) and times[k] <= after.time + slack:
                 share = min((times[k] - before.time) / (after.time - before.time), 1.0)
-                stored = (1.0 - share) * energies[0] + share * energies[1]
-                _keep(fields, k, motion, interpolated(before, after, share), stored)
+                begin, end = motion.energies(before), motion.energies(after)
+                state, energies = interpolated(before, after, share), begin + share * (end - begin)
+                _keep(fields, k, motion, state, energies)
                 k += 1
             if progress is not None:
                 progress(number, after.time)
@@ -262,9 +244,11 @@ def integrated(
     return {**written(fields, file), "message": message, "warnings": warnings}
 
 
-def _keep(fields: dict[str, Any], k: int, motion: Motion, state: State, energies: Float) -> None:
-    """Write a state as the ``k``-th."""
-    for name, x in zip("uva", (state.u, state.v, state.a), strict=True):
+def _keep(
+    fields: dict[str, Any], k: int, motion: LinearMotion, state: Iterable[Float], energies: Float
+) -> None:
+    """Write u, v, a and energies as the ``k``-th."""
+    for name, x in zip("uva", state, strict=True):
         fields[name][k] = motion.displacements(x)
-    for name, value in zip(ENERGIES, [*energies, *state.gains], strict=True):
+    for name, value in zip(ENERGIES, energies, strict=True):
         fields[name][k] = value

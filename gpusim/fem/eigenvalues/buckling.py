@@ -94,7 +94,7 @@ def buckling(
 
 
 def _found(model: Model, solution: Solution, count: int, options: Options) -> Buckling:
-    equation = EquationOfMotion.without_mass(model, options.formulation)
+    equation = EquationOfMotion.of(model, options.formulation, None)
     stress = geometric_stiffness(model, options.formulation, solution.u.reshape(-1, 3))
     order = equation.inside(np.arange(solution.u.size, dtype=np.float64).reshape(1, -1, 3))
     inside = order[0, :, 0].astype(np.int64) // 3

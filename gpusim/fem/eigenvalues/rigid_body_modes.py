@@ -71,5 +71,8 @@ def _elastic_value(equation: EquationOfMotion, free: FreeMotions) -> float:
     points = equation.model.mesh.points[np.unique(free.node)]
     spread = points - points.mean(axis=0)
     sides = np.sqrt(12.0 / len(points) * np.maximum(np.linalg.eigvalsh(spread.T @ spread), 0.0))
-    speed = min(one.stiffness()[3, 3] / one.density for one in equation.model.materials)
+    model = equation.model
+    assert model.material_of_cell is not None
+    used = [model.materials[number] for number in np.unique(model.material_of_cell)]
+    speed = min(one.stiffness()[3, 3] / one.density for one in used)
     return float(speed * (sides[0] / sides[2] ** 2) ** 2)

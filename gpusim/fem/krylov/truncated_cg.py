@@ -19,16 +19,17 @@ def truncated_cg(
     preconditioner: Preconditioner,
     right: Float,
     forcing: float,
+    size: float = 0.0,
 ) -> tuple[Float, int, float] | None:
     """x (L,n) with A x = ``right`` (L,n), the iterations that it took, and what sqrt(r . M^-1 r)
     has fallen to, over what it began with; None where A isn't positive definite.
 
-    It ends where that is ``forcing``. Raises NotConverged for numbers that aren't finite, or after
-    600 iterations.
+    It ends where that is ``forcing``, or where its square is ``forcing``^2 of a ``size``. Raises
+    NotConverged for numbers that aren't finite, or after 600 iterations.
     """
     loop = NumpyCG(apply, preconditioner)
     first = loop.begin(right)
-    active, left = first != 0.0, np.zeros_like(first)
+    active, left = ~(np.abs(first) <= forcing**2 * size), np.zeros_like(first)
     for iteration in range(_MOST_ITERATIONS):
         if not active.any():
             return loop.correction(), iteration, float(np.sqrt(left.max()))
@@ -38,7 +39,7 @@ def truncated_cg(
         if (active & ((curvature <= 0.0) | (rz < 0.0) | (beta < 0.0))).any():
             return None
         left[active] = (rz * beta)[active] / first[active]
-        active &= left > forcing**2
+        active &= left > forcing**2 * np.maximum(1.0, size / np.maximum(first, 1e-300))
     raise NotConverged(
         f"conjugate gradients: got {_MOST_ITERATIONS} iterations; expected a residual of "
         f"{forcing:.1e} of the first one before"

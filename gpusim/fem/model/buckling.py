@@ -18,7 +18,8 @@ class Buckling:
         are no more.
     shapes : (n,N,3), each with a greatest displacement of 1.
     reversed_factor : negative: the load the other way around buckles the body at this factor or
-        before; -inf where it doesn't.
+        before, perhaps at half of it: a bound that came for nothing; -inf where none did. Reverse
+        the load to know.
     error_estimate : (n,) estimated relative error of the factors as the mesh has them.
     converged : no estimate is above the tolerance asked for.
     solution : linear statics under the load itself.

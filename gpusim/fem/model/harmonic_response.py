@@ -18,10 +18,9 @@ class HarmonicResponse:
     """Steady vibration u(t) = Re(u exp(i 2 pi f t)) at each of ``frequencies`` (F,) Hz, in the
     model's units.
 
-    coordinates, shapes : (F,m) complex and (m,N,3): u is their product. By modal superposition
-        shapes are modes, directly they are the displacements themselves.
+    coordinates, shapes : (F,m) complex and (m,N,3), of modes and others: u is their product.
     truncation : (F,) what modes that were left out may add, in the energy norm over that of the
-        static response; zero of the direct method.
+        static response.
     base : (3,) complex amplitude of the base's acceleration, None where it rests. ``u`` is relative
         to the base; `absolute` has its motion in it.
 
@@ -33,14 +32,14 @@ class HarmonicResponse:
     >>> steel = gs.Isotropic(210e9, 0.0, density=7850.0)
     >>> model = gs.Model(bar, steel, fixed, pull)
     >>> damping = gs.Rayleigh(stiffness=1e-5)
-    >>> r = gs.harmonic(model, [0.0, 1300.0], damping=damping, method="direct")
+    >>> r = gs.harmonic(model, [0.0, 1300.0], damping=damping)
     >>> f"{1e6 * r.at(0)[-1, 0]:.3f} um, {np.degrees(r.phase[1, -1, 0]):.0f} degrees"
     '4.762 um, -87 degrees'
     """
 
     frequencies: Float
     coordinates: Complex
-    shapes: Float | Complex
+    shapes: Float
     truncation: Float
     model: Model
     base: Complex | None = None

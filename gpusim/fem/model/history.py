@@ -42,7 +42,13 @@ class Superposition:
         return len(self.amplitudes)
 
     def __getitem__(self, key: Any) -> Float:
-        when, *where = key if isinstance(key, tuple) else (key,)
+        key = key if isinstance(key, tuple) else (key,)
+        for k in [number for number, one in enumerate(key) if one is Ellipsis]:
+            key = (*key[:k], *[slice(None)] * (4 - len(key)), *key[k + 1 :])
+        when, *where = key
+        lists = bool(np.ndim(when)) and any(np.ndim(one) for one in where)
+        got, expected = "lists of instants and of nodes", "one of them: the others as slices"
+        require(not lists, "history: index", got, expected)
         shapes = self.shapes[(slice(None), *where)]
         return np.asarray(np.tensordot(self.amplitudes[when], shapes, axes=1))
 
@@ -170,15 +176,11 @@ class State:
     gains: Float
 
 
-def interpolated(before: State, after: State, share: float) -> State:
-    """Between two states: cubics of displacement and velocity by their slopes, the rest linear."""
-    step, v, a = after.time - before.time, np.stack([before.v, after.v]), (before.a, after.a)
-    u = cubic(share, np.stack([before.u, after.u]), step * v)
-    gains = before.gains + share * (after.gains - before.gains)
-    return State(
-        before.time + share * step, u, cubic(share, v, step * np.stack(a)),
-        a[0] + share * (a[1] - a[0]), gains,
-    )  # fmt: skip
+def interpolated(before: State, after: State, share: float) -> tuple[Float, Float, Float]:
+    """u, v and a between two states: cubics of displacement and velocity by their slopes."""
+    step = after.time - before.time
+    u, v, a = (np.stack([getattr(one, name) for one in (before, after)]) for name in "uva")
+    return cubic(share, u, step * v), cubic(share, v, step * a), a[0] + share * (a[1] - a[0])
 
 
 @contextmanager

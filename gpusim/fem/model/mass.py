@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated
@@ -14,12 +14,13 @@ from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.fem.elements.element import ELEMENTS, Rule, quadrature
 from gpusim.fem.elements.isoparametric_map import volumes
 from gpusim.fem.model.model import Model, resolve_formulation
+from gpusim.mesh import Mesh
 from gpusim.validation import checked, one_of, require
 
 MASS_RULES = ("exact", "calculix", "lumped")
 # points with which CalculiX integrates mass: fewer than products of shape functions ask for
 _CALCULIX = {"hex20 reduced": 8, "tet4": 1, "tet10": 4, "wedge6": 2, "wedge15": 9}
-_CHUNK = 16384
+_CHUNK = 4096
 
 
 @checked
@@ -94,20 +95,26 @@ class ElementMass:
 
 def scalar_mass(elements: ElementMass) -> csr_matrix:
     """(N,N), the same for the three directions."""
+    mass = scalar_matrix(elements.model.mesh, elements.at)
+    if elements.rule == "lumped":
+        mass.eliminate_zeros()
+    return mass
+
+
+def scalar_matrix(mesh: Mesh, matrices: Callable[[str, Int, Long], Float]) -> csr_matrix:
+    """(N,N) sum of the elements' ``matrices``: (m,k,k) of a cell type's cells (m,k) and their
+    numbers (m,) in the mesh."""
     rows, columns, values = [], [], []
-    for name, first, block in elements.model.mesh.blocks():
+    for name, first, block in mesh.blocks():
         width = block.shape[1]
         for start in range(0, len(block), _CHUNK):
             cells = block[start : start + _CHUNK]
             numbers = np.arange(first + start, first + start + len(cells))
             rows.append(np.repeat(cells, width, axis=1).ravel())
             columns.append(np.tile(cells, (1, width)).ravel())
-            values.append(elements.at(name, cells, numbers).ravel())
-    entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-    mass = csr_matrix(coo_matrix(entries, shape=(elements.model.mesh.node_count,) * 2))
-    if elements.rule == "lumped":
-        mass.eliminate_zeros()
-    return mass
+            values.append(matrices(name, cells, numbers).ravel())
+    entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+    return csr_matrix(coo_matrix(entries, shape=(mesh.node_count,) * 2))
 
 
 @cache
@@ -116,6 +123,12 @@ def _rule(name: str, formulation: str, rule: str) -> Rule:
         return ELEMENTS[name].mass
     points = _CALCULIX.get(name) or _CALCULIX.get(f"{name} {formulation}")
     return ELEMENTS[name].mass if points is None else quadrature(name, points)
+
+
+def inertia_forces(model: Model, formulation: Mapping[str, str], rule: str) -> Float:
+    """(3,N,3) on a body whose ground accelerates by 1 along x, y and z."""
+    mass = np.asarray(scalar_mass(ElementMass(model, formulation, rule)).sum(axis=1))
+    return np.asarray(-mass[None] * np.eye(3)[:, None])
 
 
 def check_densities(model: Model) -> None:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Float
 from gpusim.field_summary import field_summary
 from gpusim.files.input_file import read_input
-from gpusim.validation import finite_numbers, require, unmasked
+from gpusim.validation import as_float64, finite_numbers, require, unmasked
 
 
 @unmasked()
@@ -45,7 +45,8 @@ class Record:
 
     def at(self, times: Float) -> Float:
         """(m,k) at ``times`` (m,); beyond its ends it stays as it is there."""
-        return np.stack([np.interp(times, self.times, one) for one in self.values.T], axis=-1)
+        found = [np.interp(times, self.times, one) for one in self.values.T]
+        return np.reshape(found, (-1, len(times))).T
 
     def slope(self, times: Float) -> Float:
         """(m,k) at ``times`` (m,) within its ends; after a bend where it bends."""
@@ -66,8 +67,9 @@ class Record:
 
 def increasing(times: npt.ArrayLike, what: str) -> Float:
     """At least two instants, one after the other. Raises InputError naming ``what``."""
-    shape = (np.size(times),)
-    given = finite_numbers(times, what, [shape], "(R,) finite numbers")
+    expected = "(R,) finite numbers"
+    shape = (as_float64(times, what, expected).size,)
+    given = finite_numbers(times, what, [shape], expected)
     require(len(given) > 1, what, f"{len(given)} instants", "at least 2")
     step = np.diff(given)
     late = int(np.argmin(step))

@@ -131,6 +131,16 @@ def check_supports(model: Model, lattice: Lattice | None = None) -> None:
     _HELD.add(model)
 
 
+def check_still(model: Model, what: str) -> None:
+    """Raises InputError, naming ``what``, for a model with displacements that are given."""
+    got = type(model).__name__
+    require(isinstance(model, Model), f"{what}: model", got, "a Model")
+    given = [model.prescribed_cases, *(one.right for one in model.constraints)]
+    expected = "0 of supports, which the ground (base) may move, and constraints with right = 0"
+    still = not any(one.any() for one in given)
+    require(still, f"{what}: model", "displacements that are given", expected)
+
+
 def free_motions(model: Model, lattice: Lattice | None = None) -> Iterator[FreeMotions]:
     """Of each body that isn't held, see `check_supports`."""
     if model in _HELD:

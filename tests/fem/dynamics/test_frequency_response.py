@@ -34,9 +34,7 @@ def test_reciprocity_and_kinds() -> None:
     assert (np.abs(one - other) <= 1e-6 * np.abs(one)).all()
     turning = 2j * np.pi * FREQUENCIES
     driving = {
-        kind: gs.frequency_response(
-            MODEL, FREQUENCIES, at=TIP, kind=kind, damping=damping, method="direct"
-        )
+        kind: gs.frequency_response(MODEL, FREQUENCIES, at=TIP, kind=kind, damping=damping)
         for kind in ("receptance", "mobility", "accelerance")
     }
     assert (driving["mobility"] == driving["receptance"] * turning).all()

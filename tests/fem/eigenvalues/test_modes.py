@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -241,6 +242,21 @@ def test_what_cant_vibrate_is_told() -> None:
     row = held(gs.mesh.quadratic(mesh, serendipity=True))
     with pytest.raises(NotConverged, match="'reduced'"):
         gs.modes(row, 4, formulation="reduced")
+
+
+def test_a_material_that_no_cell_has_doesnt_count() -> None:
+    mesh = gs.mesh.box((1, 0.2, 0.3), (6, 2, 3))
+    alone, beside = gs.Model(mesh, STEEL), gs.Model(mesh, [STEEL, gs.Isotropic(1e-3, 0.3)])
+    assert np.array_equal(gs.modes(beside, 8).frequencies, gs.modes(alone, 8).frequencies)
+
+
+def test_a_prestress_that_hasnt_converged_is_none() -> None:
+    mesh = gs.mesh.box((1, 0.1, 0.1), (8, 1, 1))
+    end = gs.mesh.select_faces(mesh, name="x_max")
+    pushed = replace(held(mesh), forces=gs.fem.traction(mesh, end, (-1e8, 0, 0)))
+    poor = replace(gs.fem.solve(pushed), converged=False, message="no luck")
+    with pytest.raises(NotConverged, match=r"prestress: the solution; got no luck"):
+        gs.modes(pushed, 2, prestress=poor)
 
 
 def test_factors_take_over_where_cycles_fail(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -34,6 +34,7 @@ def test_it_is_linear_in_between_and_stays_at_its_ends() -> None:
         ([0.0, 1.0], [1.0] * 3, r"\(2,\) or \(2, k\)"),
         ([0.0], [1.0], "at least 2"),
         ("a", [1.0], "finite"),
+        ([[0.0], [1.0, 2.0]], [1.0, 1.0], "finite"),
     ],
 )
 def test_others_are_refused(times: Any, values: Any, told: str) -> None:
