@@ -101,8 +101,9 @@ def finite_numbers(
     """``value`` as finite float64 of one of some ``shapes``. Raises InputError naming ``what``."""
     array = as_float64(value, what, expected)
     got = f"shape {array.shape}" if array.size > 3 else _shown(value)
-    fits = array.shape in shapes and np.isfinite(array).all()
-    require(fits, what, got, expected)
+    require(array.shape in shapes, what, got, expected)
+    got = f"{got}, not all finite" if array.size > 3 else got
+    require(bool(np.isfinite(array).all()), what, got, expected)
     return array
 
 

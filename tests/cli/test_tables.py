@@ -120,7 +120,8 @@ def test_pictures_and_what_they_lost(capsys: pytest.CaptureFixture[str]) -> None
 
 def test_steps_of_a_deck(capsys: pytest.CaptureFixture[str]) -> None:
     step = {
-        "number": 1, "kind": "static", "unknowns": 1200, "iterations": 5, "load_steps": 0, "newton_iterations": 0,
+        "number": 1, "kind": "static", "unknowns": 1200, "iterations": 5, "load_steps": 0,
+        "newton_iterations": 0,
         "error_estimate": 1e-7,
         "largest_displacement": 0.25, "largest_displacement_node": 17, "strain_energy": 3.5,
         "reaction": (0.0, -12.5, 1e-3), "largest_von_mises": 210.0, "largest_von_mises_element": 3,

@@ -19,7 +19,7 @@ from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.model.modes import Modes
 from gpusim.fem.model.solution import Solution
 from gpusim.fem.model.supports import check_still
-from gpusim.validation import Count, as_float64, checked, one_of, require
+from gpusim.validation import as_float64, checked, one_of, require
 
 
 @checked
@@ -28,7 +28,7 @@ def forced_vibration(
     loads: Any,
     base: Any,
     *,
-    count: Count = 20,
+    count: Any = 20,
     formulation: str | Mapping[str, str] | None = None,
     mass: Annotated[str, one_of(*MASS_RULES)] = "exact",
     prestress: Solution | None = None,

@@ -102,17 +102,17 @@ class ModalBasis:
         require(bool(known.all()), "harmonic: frequencies", got, expected)
         return np.asarray(self.forcing[0] / dynamic)
 
-    def truncation(self, angular: Float) -> Float:
+    def truncation(self, angular: Float, what: str = "harmonic: frequencies") -> Float:
         """(F,) at most what modes left out add to the response to the first load at ``angular``
-        (F,) rad/s, in the energy norm over that of the static response. Raises InputError beyond
-        the last mode."""
+        (F,) rad/s, in the energy norm over that of the static response. Raises InputError,
+        naming ``what``, beyond the last mode."""
         last, lacking = self.angular[self.count - 1], float(self.lacking[0])
         if lacking <= _NEGLIGIBLE:
             return np.zeros(len(angular))
         got = (f"{angular.max() / (2.0 * np.pi):.6g} Hz, beyond {self.count} modes that lack "
                f"{lacking:.1e} of the static response's energy")  # fmt: skip
         expected = f"less than {last / (2.0 * np.pi):.6g} Hz, or more modes (count)"
-        require(bool((angular < last).all()), "harmonic: frequencies", got, expected)
+        require(bool((angular < last).all()), what, got, expected)
         ratio = (angular / last) ** 2
         return np.asarray(np.sqrt(lacking) * ratio / (1.0 - ratio) ** 1.5)
 
@@ -127,9 +127,18 @@ def _residual_vectors(
     balanced = loads - (loads @ x[:rigid].T) @ inertia[:rigid]
     sizes = np.linalg.norm([balanced, loads], axis=2)
     balanced[~(sizes[0] > _BALANCED * sizes[1])] = 0.0
-    solved = truncated_cg(equation.stiffness, solver.preconditioner, balanced, _STATIC_ERROR)
+
+    def elastic(y: Float) -> Float:
+        # what rounding makes of rigid motions may have less than no energy
+        image = equation.stiffness(y - (y @ inertia[:rigid].T) @ x[:rigid])
+        return image - (image @ x[:rigid].T) @ inertia[:rigid]
+
+    solved = truncated_cg(elastic, solver.preconditioner, balanced, _STATIC_ERROR)
     if solved is None:
-        raise NotConverged("static response: got a stiffness that isn't definite; expected one")
+        raise NotConverged(
+            "modal superposition: static response; got a stiffness that isn't positive definite; "
+            "expected less prestress, or fewer motions without stiffness"
+        )
     beyond = solved[0]
     beyond /= np.sqrt(np.maximum((beyond * balanced).sum(axis=1, keepdims=True), 1e-300))
     for _ in range(2):

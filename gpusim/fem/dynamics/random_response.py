@@ -167,7 +167,7 @@ def random_response(
     given = density[0] if frequencies is None else checked_frequencies(frequencies)
     with one_blas_thread():
         basis = forced_vibration(model, loads, base, **options)
-        truncation = basis.truncation(2.0 * np.pi * density[0, -1:])
+        truncation = basis.truncation(2.0 * np.pi * density[0, -1:], "random response: psd")
         covariance = _covariance(basis, damping, density)
         coordinates = basis.coordinates(2.0 * np.pi * given, damping)
     excitation = _interpolated(density, given)

@@ -125,6 +125,8 @@ def transient(
     check_still(model, "transient")
     at, names = increasing(times, "transient: times"), resolve_formulation(model, formulation)
     _check_fit(method, damping, geometry, progress)
+    stepped = method != "modal" or step is None
+    require(stepped, "transient: step of method 'modal'", step, "None: it takes no steps")
     factors = load_factors(loads, len(model.load_cases), at)
     problem = InitialValueProblem(model, names, mass, factors, *initial_state(model, initial))
     problem = with_moving_ground(problem, base)

@@ -29,6 +29,8 @@ _STATIC, _POOR = 0.1, 0.01
 _START = 8
 # a factor this many times as large as the smallest one of either sign isn't looked for
 _BEYOND = 1e4
+# stiffness by stress
+_LEAST = 1e-140
 
 
 @checked
@@ -97,7 +99,9 @@ def _found(model: Model, solution: Solution, count: int, options: Options) -> Bu
     order = equation.inside(np.arange(solution.u.size, dtype=np.float64).reshape(1, -1, 3))
     inside = order[0, :, 0].astype(np.int64) // 3
     stress = stress[inside][:, inside]
-    require(bool(abs(stress).max() > 0.0), "buckling: load", "no stress", "a load")
+    # squares of less vanish
+    stressed = bool(abs(stress).max() > _LEAST)
+    require(stressed, "buckling: model: forces", "no stress", "a load, in ordinary units")
     solver = definite_solver(equation, 0.0, options)
     options.clock.mark("assembly")
 
@@ -117,8 +121,8 @@ def _found(model: Model, solution: Solution, count: int, options: Options) -> Bu
     opposite = 1.0 / pairs.least if pairs.least < -pencil.negligible * size else -np.inf
     if not positive.any():
         raise NotConverged(
-            "buckling: got no positive load factor; expected a load that compresses (reversed it "
-            f"buckles the body at {opposite:.4g} times itself, or before)"
+            "buckling: model: forces; got no positive load factor; expected a load that compresses "
+            f"(reversed it buckles the body at {opposite:.4g} times itself, or before)"
         )
     mu, rows, rounding = sharpened(equation, softening, pairs.vectors[positive], options.tolerance)
     shapes = equation.displacements(rows)

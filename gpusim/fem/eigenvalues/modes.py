@@ -103,9 +103,12 @@ def modes(
         try:
             search = _Search(equation, rigid, options)
         except NotConverged as error:
-            if prestress is None:
+            if prestress is None or "definite" not in str(error):
                 raise
-            raise NotConverged(f"modes: the prestressed body isn't stable there: {error}") from None
+            raise NotConverged(
+                "modes: prestress; got a state that isn't stable (its stiffness isn't positive "
+                "definite); expected less load: gpusim.buckling finds how much a body bears"
+            ) from None
         found = search.lowest(most - len(rigid.names))
         if limits is not None:
             found = search.up_to((2.0 * np.pi * limits[1]) ** 2, found)

@@ -66,7 +66,12 @@ class ModalDamping:
     def __post_init__(self) -> None:
         expected = "numbers >= 0 and < 1, at least one"
         ratios = np.atleast_1d(as_float64(self.ratio, "ModalDamping.ratio", expected))
-        good = ratios.ndim == 1 and ratios.size and ((ratios >= 0.0) & (ratios < 1.0)).all()
+        good = (
+            np.asarray(self.ratio).dtype.kind in "iuf"
+            and ratios.ndim == 1
+            and ratios.size
+            and ((ratios >= 0.0) & (ratios < 1.0)).all()
+        )
         require(bool(good), "ModalDamping.ratio", self.ratio, expected)
 
     def ratios(self, angular: Float) -> Float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,6 +78,10 @@ def increasing(times: npt.ArrayLike, what: str) -> Float:
     return given
 
 
+def _begins_as_number(cell: str) -> bool:
+    return bool(re.match(r"\s*[-+]?\.?\d", cell))
+
+
 def read_record(path: str | os.PathLike[str]) -> Record:
     """A CSV file: time in the first column, values in the others; one line of names at most.
 
@@ -91,10 +96,12 @@ def read_record(path: str | os.PathLike[str]) -> Record:
     """
     rows: list[list[float]] = []
     for number, line in enumerate(read_input(path, "a CSV file").text().splitlines(), 1):
+        cells = line.replace(";", ",").split(",")
         try:
-            row = [float(cell) for cell in line.replace(";", ",").split(",")]
+            row = [float(cell) for cell in cells]
         except ValueError:
-            if number == 1 or not line.strip():
+            named = number == 1 and not any(map(_begins_as_number, cells))
+            if named or not line.strip():
                 continue
             row = []
         width = len(rows[0]) if rows else max(len(row), 2)

@@ -229,12 +229,12 @@ def _moments(
         travel = motion(surfaces_at, camera_at, time, shutter.exposure_time)
     shares, weights = moments(shutter, travel)
     notes.facts["motion"] = f"{travel:.3g} px during the exposure, {len(shares)} moments"
-    if shutter.samples is None and len(shares) < moments_for(travel) and shutter.exposure_time:
-        # the widest gap of Gauss-Legendre points is pi / 2 times their mean distance
+    wanted = moments_for(travel)
+    if shutter.samples is None and len(shares) < wanted and shutter.exposure_time:
+        remedy = f"{wanted} samples of the shutter" if wanted <= 4096 else "a shorter exposure"
         notes.warnings.append(
-            f"motion of {travel:.4g} px in {len(shares)} moments: edges go in steps of up to "
-            f"{0.5 * np.pi * travel / len(shares):.2g} px; {moments_for(travel)} samples of "
-            "the shutter would show none"
+            f"motion of {travel:.4g} px in {len(shares)} moments: edges may go in steps of up to "
+            f"{travel * np.diff(shares).max():.2g} px; {remedy} would show none"
         )
 
     def moment(at: float) -> tuple[Sequence[Surface], Camera]:

@@ -27,10 +27,13 @@ CameraAt = Callable[[float], Camera]
 
 STILL = 0.02
 """px; a motion below this during the exposure is left out."""
-LOOKS = (5, 8, 13, 21, 34, 55, 89, 144, 233)
+LOOKS = (8, 21, 55, 144)
 """Moments at which a motion is looked at, until it is known."""
+PAIR, KNOWN = 1e-5, 0.1
+"""Of the exposure, between two moments that tell a speed; of its way, that speeds may miss."""
 POINTS_PER_PX = 3.2
 MAX_MOMENTS = 256
+GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
 @checked
@@ -56,38 +59,47 @@ class Shutter:
 def motion(surfaces: SurfacesAt, camera: CameraAt, start: float, length: float) -> float:
     """The longest way in px that a vertex in view goes on the image within a time.
 
-    Moments are so many that more of them find no longer way; after the first look they are
-    unevenly spaced, or what comes back in between would pass for still.
+    It is known where speeds lead from each moment to the next. A vibration of more periods than
+    can be followed is known by its mean speed; moments are unevenly spaced, or what comes back in
+    between would pass for still.
     """
-    way = _way(surfaces, camera, start + length * np.linspace(0.0, 1.0, LOOKS[0]))
-    for count in LOOKS[1:]:
-        shares = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, count))
-        shorter, way = way, _way(surfaces, camera, start + length * shares)
-        if way <= 1.1 * shorter + STILL:
-            return shorter
-    return way
+    for count in LOOKS:
+        way, by_speed, missed = _ways(surfaces, camera, start, length, count)
+        if missed <= KNOWN * way + STILL:
+            return way
+    return max(way, by_speed)
 
 
-def _way(surfaces: SurfacesAt, camera: CameraAt, times: Float) -> float:
-    """The same, from moment to moment."""
-    longest = np.zeros(0)
-    before: list[Float] | None = None
-    for time in times:
-        lens = camera(float(time))
-        at = [lens.project(s.points) for s in surfaces(float(time))]
-        if before is not None:
-            steps = [_seen_step(a, b, lens) for a, b in zip(before, at, strict=True)]
-            step = np.concatenate(steps) if steps else np.zeros(0)
-            longest = longest + step if len(longest) else step
-        before = at
-    return float(longest.max(initial=0.0))
+def _ways(
+    surfaces: SurfacesAt, camera: CameraAt, start: float, length: float, count: int
+) -> tuple[float, float, float]:
+    """The same by ``count`` moments, from one to the other and by the speeds there, and by how much
+    the two differ."""
+    shares = (np.arange(count) + np.random.default_rng(count).random(count)) / count
+    shares[[0, -1]] = 0.0, 1.0
+    steps, by_speed, missed = np.zeros((3, 1))
+    before: tuple[Float, Float] | None = None
+    for share, gap in zip((1.0 - PAIR) * shares, np.diff(shares, prepend=0.0), strict=True):
+        time = start + length * float(share)
+        lens, later = camera(time), camera(time + PAIR * length)
+        pairs = zip(surfaces(time), surfaces(time + PAIR * length), strict=True)
+        seen = [(lens.project(a.points), later.project(b.points)) for a, b in pairs]
+        here, after = (np.concatenate([np.zeros((1, 2)), *one]) for one in zip(*seen, strict=True))
+        with np.errstate(invalid="ignore"):
+            speed = (after - here) / PAIR
+            if before is not None:
+                step, ends = here - before[0], (0.5 * gap * before[1], 0.5 * gap * speed)
+                steps = steps + _length(step, lens)
+                by_speed = by_speed + _length(ends[0], lens) + _length(ends[1], lens)
+                missed = missed + _length(step - ends[0] - ends[1], lens)
+        before = here, speed
+    return float(steps.max()), float(by_speed.max()), float(missed.max())
 
 
-def _seen_step(a: Float, b: Float, camera: Camera) -> Float:
+def _length(step: Float, camera: Camera) -> Float:
     """Lengths (n,) of steps; 0 where a point isn't in front, and no more than the image's size."""
-    with np.errstate(invalid="ignore"):
-        step = np.hypot(*(b - a).T)
-    return np.asarray(np.minimum(np.nan_to_num(step, nan=0.0), camera.width + camera.height))
+    length = np.nan_to_num(np.hypot(*step.T), nan=0.0)
+    return np.asarray(np.minimum(length, camera.width + camera.height))
 
 
 def moments_for(travel: float) -> int:
@@ -99,12 +111,15 @@ def moments(shutter: Shutter, travel: float) -> tuple[Float, Float]:
     """Shares of the exposure (K,) and weights (K,) for a motion of ``travel`` px.
 
     Gauss-Legendre points, which integrate a motion's transfer function to 1e-6 up to the Nyquist
-    frequency, and enough of them (`moments_for`) that edges show no steps; no more than
-    MAX_MOMENTS unless the shutter's ``samples`` say so.
+    frequency, and enough of them (`moments_for`) that edges show no steps. Where that is more than
+    MAX_MOMENTS, and the shutter's ``samples`` don't say so, multiples of the golden ratio, which
+    don't keep time with any vibration.
     """
-    count = shutter.samples or min(moments_for(travel), MAX_MOMENTS)
-    if shutter.exposure_time == 0.0:
-        count = 1
+    needed = shutter.samples or moments_for(travel)
+    if shutter.samples is None and needed > MAX_MOMENTS:
+        shares = np.sort(np.arange(0.5, MAX_MOMENTS) * GOLDEN % 1.0)
+        return shares, np.full(MAX_MOMENTS, 1.0 / MAX_MOMENTS)
+    count = needed if shutter.exposure_time else 1
     nodes, weights = np.polynomial.legendre.leggauss(count)
     return 0.5 + 0.5 * nodes, 0.5 * weights
 

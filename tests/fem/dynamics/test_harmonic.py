@@ -273,6 +273,22 @@ def test_a_free_body() -> None:
     assert worst(pushed.u[..., 1], np.full((1, BAR.node_count), -2.0 / (80.0 * np.pi) ** 2)) <= 1e-9
 
 
+def test_a_slender_free_body() -> None:
+    """Whose rigid motions rounding gives less than no energy."""
+    blade = gs.mesh.box(size=(1, 0.02, 0.01), divisions=(20, 2, 2))
+    force = gs.fem.face_force(blade, gs.mesh.select_faces(blade, name="x_max"), total=(0, 0, -5.0))
+    model = gs.Model(blade, STEEL, forces=force)
+    assert np.isfinite(gs.harmonic(model, [5.0]).u).all()
+    times = np.linspace(0.0, 0.1, 11)
+    shaken = gs.transient(
+        model, times=times, loads=0.0 * times, base=gs.Record(times, np.ones((11, 3)))
+    )
+    assert np.abs(shaken.u[-1] + 0.5 * 0.1**2).max() <= 1e-12
+    swung = gs.transient(model, times=times)
+    stepped = gs.transient(model, times=times, method="newmark", step=5e-5)
+    assert np.abs(swung.u[-1] - stepped.u[-1]).max() <= 1e-3 * np.abs(stepped.u[-1]).max()
+
+
 def test_a_resonance_that_nothing_damps_is_refused() -> None:
     model = shaken()
     resonance = float(gs.modes(model, 1).frequencies[0])

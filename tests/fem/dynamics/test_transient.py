@@ -132,6 +132,8 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
         "method": "newmark",
         "loads": gs.Record([0, 1, 1 + 1e-9, 1 + 2e-9, 3], np.outer([0, 0, 9, 0, 0], [1, 1])),
     }, "too long"),
+    "a step of modes": ({"step": 1e-3}, "step of method 'modal'; got 0.001; expected None"),
+    "unknown velocities": ({"initial": (np.zeros((16, 3)), np.full((16, 3), np.nan))}, "not all"),
     "no step": ({"method": "newmark", "step": "long"}, "step"),
     "a negative step": ({"method": "newmark", "step": -0.1}, "step"),
     "a NaN step": ({"method": "newmark", "step": np.nan}, "step"),

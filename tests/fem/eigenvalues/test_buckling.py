@@ -145,6 +145,8 @@ def test_what_doesnt_buckle_is_told() -> None:
     still = gs.Model(model.mesh, SOFT, model.fixed)
     with pytest.raises(InputError, match="no stress"):
         gs.buckling(still)
+    with pytest.raises(InputError, match="no stress"):
+        gs.buckling(gs.Model(model.mesh, SOFT, model.fixed, 1e-200 * model.load_cases))
     twice = gs.Model(model.mesh, SOFT, model.fixed, np.repeat(model.load_cases, 2, axis=0))
     with pytest.raises(InputError, match="one load case"):
         gs.buckling(twice)

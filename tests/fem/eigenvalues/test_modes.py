@@ -139,7 +139,7 @@ def test_prestress_softens_and_stiffens_as_beam_theory_says(load: float, geometr
 def test_an_unstable_state_has_no_modes() -> None:
     model = cantilever(-1.2)
     state = gs.fem.solve(model)
-    with pytest.raises(NotConverged, match="isn't stable"):
+    with pytest.raises(NotConverged, match=r"isn't stable .*expected less load"):
         gs.modes(model, 2, prestress=state)
 
 

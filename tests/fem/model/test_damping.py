@@ -41,7 +41,7 @@ def test_dissipation() -> None:
     assert np.allclose(found, [[0.0, 4.0], [0.0, 4.0]], rtol=1e-15)
 
 
-@pytest.mark.parametrize("value", [-0.1, 1.0, math.nan, [], [[0.1]], "much"])
+@pytest.mark.parametrize("value", [-0.1, 1.0, math.nan, [], [[0.1]], "much", "0.1", ["0.1"]])
 def test_wrong_ratios(value: object) -> None:
     with pytest.raises(InputError, match=r"ModalDamping\.ratio"):
         gs.ModalDamping(value)  # type: ignore[arg-type]

@@ -63,6 +63,9 @@ def test_files(tmp_path: Path) -> None:
             "t,a\n0,1\n0.2,5\n0.1,2\n",
             "quake.csv: line 4; got '0.1,2'; expected times that increase",
         ),
+        ("0,1\n0,2\n", r"quake\.csv: line 2; got '0,2'; expected times that increase"),
+        ("0,1.0.0\n1,2\n2,3\n", "line 1; got '0,1.0.0'; expected 2 finite numbers"),
+        ("t,0\n0,1\n1,2\n", "line 1"),
     ],
 )
 def test_files_that_are_none_are_refused(tmp_path: Path, text: str, told: str) -> None:

@@ -13,7 +13,7 @@ import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.optics.lens.exposure import Exposure, plan_exposure
-from gpusim.optics.lens.shutter import divided, moments, moments_for, rolled
+from gpusim.optics.lens.shutter import divided, moments, moments_for, motion, rolled
 from tests.support.optics_edges import ANGLE, HEIGHT, camera, half_plane, pixel_transfer, transfer
 
 FREQUENCY = np.linspace(0.02, 0.5, 25)
@@ -41,7 +41,7 @@ def test_motion_blur_transfer(device: Device, way: float) -> None:
     assert f"{way:.3g} px" in frame.facts["motion"]
 
 
-@pytest.mark.parametrize("periods", [1, 4, 28])
+@pytest.mark.parametrize("periods", [1, 4, 8, 28, 256])
 def test_a_vibration_blurs_though_it_comes_back(device: Device, periods: int) -> None:
     """Whole periods across the edge: Bessel's J0 of the amplitude, however often they are looked
     at when nothing seems to have moved."""
@@ -54,6 +54,19 @@ def test_a_vibration_blurs_though_it_comes_back(device: Device, periods: int) ->
     blur = np.abs(j0(2.0 * np.pi * amplitude * np.cos(ANGLE) * FREQUENCY))
     want = pixel_transfer(FREQUENCY) * blur
     assert np.abs(transfer(frame.radiance, FREQUENCY) - want).max() <= 0.02
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.7, np.pi / 2])
+@pytest.mark.parametrize("periods", [0.5, 1, 3, 4, 8, 10, 16, 28, 31.45, 256, 2000])
+def test_the_way_of_a_vibration_grows_with_its_periods(periods: float, phase: float) -> None:
+    """However few looks a period gets: four amplitudes each."""
+
+    def at(time: float) -> list[gs.Surface]:
+        return [half_plane(shift=2.5 * np.sin(2.0 * np.pi * periods * time / 0.02 + phase))]
+
+    angles = phase + 2.0 * np.pi * periods * np.linspace(0.0, 1.0, 100_001)
+    want = np.abs(np.diff(2.5 * np.sin(angles))).sum()
+    assert motion(at, lambda _: camera(), 0.0, 0.02) == pytest.approx(want, rel=0.16)
 
 
 def test_a_moving_camera_blurs_as_moving_surfaces_do(device: Device) -> None:
