@@ -124,9 +124,7 @@ def transient(
     """
     check_still(model, "transient")
     at, names = increasing(times, "transient: times"), resolve_formulation(model, formulation)
-    _check_fit(method, damping, geometry, progress)
-    stepped = method != "modal" or step is None
-    require(stepped, "transient: step of method 'modal'", step, "None: it takes no steps")
+    _check_fit(method, damping, geometry, progress, step)
     factors = load_factors(loads, len(model.load_cases), at)
     problem = InitialValueProblem(model, names, mass, factors, *initial_state(model, initial))
     problem = with_moving_ground(problem, base)
@@ -166,9 +164,11 @@ def _step_length(problem: InitialValueProblem, times: Float, step: float | str |
 
 
 def _check_fit(
-    method: str, damping: Damping | None, geometry: str, progress: Progress | None
+    method: str, damping: Damping | None, geometry: str, progress: Progress | None, step: Any
 ) -> None:
     """Raises InputError for what a method can't do."""
+    expected = "None: it takes no steps"
+    require(method != "modal" or step is None, "transient: step of method 'modal'", step, expected)
     called, by_modes = progress is None or callable(progress), method == "modal"
     require(called, "transient: progress", repr(progress), "a function, or None")
     fits, what = geometry == "linear" or not by_modes, "transient: method at large displacements"
