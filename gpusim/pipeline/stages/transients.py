@@ -23,6 +23,8 @@ from gpusim.scene import Scene
 FINE = 1e-7
 """Of the greatest displacement: what a motion may be off by between its instants."""
 MOST_HALVINGS = 12
+CORNER = 1e-6
+"""Of the time around a frame: how long a corner of a motion takes."""
 CURVE = 1001
 """Instants of a curve in the report."""
 LOOKS = 100
@@ -95,6 +97,7 @@ def _superposed(modal: ModalMotion, instants: Float, around: float) -> Transient
     from scipy.interpolate import BPoly
 
     size = np.linalg.norm(modal.shapes, axis=2).max(axis=1)
+    instants = np.union1d(instants, _kinks(modal.static.times, instants, around))
     for _ in range(MOST_HALVINGS):
         known = modal.coordinates(instants)[:3]
         near = np.diff(instants) <= around * (1.0 + 1e-9)
@@ -107,6 +110,14 @@ def _superposed(modal: ModalMotion, instants: Float, around: float) -> Transient
             break
         instants = np.union1d(instants, middle)
     return Transient(Course(instants, *modal.coordinates(instants)[:3]), modal.shapes)
+
+
+def _kinks(kinks: Float, instants: Float, around: float) -> Float:
+    """Those between ``instants`` near frames, and just before each: what has no inertia turns a
+    corner there, and its rate is known on one side at a time."""
+    number = np.searchsorted(instants, kinks).clip(1, len(instants) - 1)
+    near = kinks[np.diff(instants)[number - 1] <= around * (1.0 + 1e-9)]
+    return np.clip(np.append(near, near - CORNER * around), *instants[[0, -1]])
 
 
 def _charts(name: str, history: fem.History) -> list[Chart]:

@@ -56,6 +56,24 @@ def test_frames_and_what_is_between_them() -> None:
         still.velocity(1)
 
 
+def test_a_blow_at_the_instant_of_a_frame() -> None:
+    """What modes lack follows the load, corners included: they are instants of their own, or the
+    exposure around them would be halved thousands of times."""
+    times, blow = [0.0, 0.001, 0.0022, 0.003, 0.006], [0.0, 1.0, 0.3, 0.0, 0.0]
+    load = {**PUSH, "amplitude": blow, "times_s": times}
+    scene = scene_of(shutter=True, load=[load])
+    record = gs.fem.Record(np.array(times), np.array(blow)[:, None])
+    history = gs.transient(model_of(scene), times=np.linspace(0, 0.006, 7), loads=record, count=6)
+    bar = scene.solution()["bar"]
+    size = np.abs(history.at(0.002)[0]).max()
+    for frame, shift in ((1, -2e-4), (1, 0.0), (1, 1e-5), (2, 1.99e-4), (2, 2.1e-4), (3, -3e-4)):
+        u, v = history.at(1e-3 * frame + shift)
+        assert np.abs(bar.displacement(frame, shift) - u).max() <= 2e-7 * size
+        assert np.abs(bar.velocity(frame, shift) - v).max() <= 1e-4 * np.abs(v).max()
+    (motion,) = bar._contents.motions
+    assert len(motion.course.times) < 500
+
+
 def test_steps_are_apart_from_frames() -> None:
     scene = scene_of(method="newmark", count=None, step_s=2e-5)
     times = np.arange(6) * 1e-3
