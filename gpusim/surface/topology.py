@@ -65,6 +65,24 @@ class Topology:
         return np.asarray(flags[self.edge if len(kept) == len(self.edge) else self.edge[kept]])
 
 
+def opposite_sides(faces: Long) -> Long:
+    """(F, k): of each side of faces (F, k), from a corner to the next, the one that runs along it
+    the other way: k times its face, and the corner that it begins at. -1 where an edge hasn't got
+    two sides, or these run the same way, and for sides without length."""
+    start, end = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
+    long = np.flatnonzero(start != end)
+    low, high = np.minimum(start, end)[long], np.maximum(start, end)[long]
+    order, key = sorted_keys(low * (int(faces.max(initial=0)) + 1) + high)
+    begin = np.flatnonzero(np.diff(key, prepend=-1))
+    begin = begin[np.diff(begin, append=len(key)) == 2]
+    one, other = long[order[begin]], long[order[begin + 1]]
+    against = start[one] == end[other]
+    one, other = one[against], other[against]
+    result = np.full(faces.size, -1)
+    result[one], result[other] = other, one
+    return result.reshape(faces.shape)
+
+
 def sorted_keys(
     key: Long,
 ) -> tuple[Int, Long]:
