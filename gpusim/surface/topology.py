@@ -50,14 +50,18 @@ class Topology:
         )
 
     @cached_property
+    def opposed(self) -> Bool:
+        """(E,): exactly two triangles share it, and run along it opposite ways."""
+        along = self.triangles < np.roll(self.triangles, -1, axis=1)
+        ways = np.where(along, 1.0, -1.0).reshape(-1)
+        total = np.bincount(self.edge.reshape(-1), ways, len(self.first))
+        return np.asarray(self.manifold & (total == 0.0))
+
+    @cached_property
     def oriented(self) -> bool:
         """Whether no edge has more than two triangles, which then run along it opposite ways."""
-        along = self.triangles < np.roll(self.triangles, -1, axis=1)
-        count = len(self.first)
-        edge = self.edge.reshape(-1)
-        ways = np.bincount(edge, np.where(along, 1.0, -1.0).reshape(-1), count)
-        most = np.bincount(edge, minlength=count).max(initial=0)
-        return bool(most <= 2 and (ways[self.manifold] == 0.0).all())
+        most = np.bincount(self.edge.reshape(-1)).max(initial=0)
+        return bool(most <= 2 and self.opposed[self.manifold].all())
 
     def sides(self, flags: Bool, kept: Long) -> Bool:
         """(n, 3): of every side of triangles ``kept`` (n,), ascending, whether its edge has a flag
