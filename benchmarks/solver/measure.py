@@ -19,10 +19,9 @@ from gpusim.bench.solver import (
     Point,
     Tell,
     in_fresh_process,
-    is_current,
     machine,
-    make_reference,
     measure_case,
+    reference_of,
     solve_cold,
 )
 from gpusim.bench.solver_cases import Case
@@ -115,14 +114,12 @@ def run_peer_bench(
 def _run_case(
     case: Case, found: PeerCaseResult, folder: Path, peers: Sequence[Peer], repeat: int, tell: Tell
 ) -> None:
-    problem, reference = folder / "problem", folder / "reference"
+    problem, reference = folder / "problem", reference_of(case, folder.parent, tell)
     with_peers = bool(peers) and case.name not in WITHOUT_PEERS
-    if not is_current(reference, case) or (with_peers and not (problem / "u.npy").exists()):
-        exported = (problem, write_problem) if with_peers else ()
-        make_reference(case, reference, tell, *exported)
     measure_case(case, found, reference, tell)
     found.second_case = second_case(case, repeat)
     if with_peers:
+        in_fresh_process(case.name, export_problem, case, reference, problem)
         if case.family == "beam" and not (problem / "solved.npy").exists():
             for failed in run_peer(EXACT, problem, LIMIT_S):
                 _take_peer(found, failed, tell)
@@ -134,6 +131,11 @@ def _run_case(
         found.operator = in_fresh_process(case.name, measure_operator, case)
     except GpusimError as error:
         found.operator = {"failed": str(error)}
+
+
+def export_problem(case: Case, reference: Path, folder: Path) -> None:
+    """What peers read; the displacements in the file ``reference`` are those that are wanted."""
+    write_problem(case, case.model(), np.load(reference), folder)
 
 
 def second_case(case: Case, repeat: int) -> float:

@@ -7,15 +7,14 @@ iterations, reactions. Python's imports and the making of the mesh come before.
 
 from __future__ import annotations
 
-import json
+import hashlib
 import os
 import platform
 import resource
-import shutil
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
@@ -23,16 +22,14 @@ import numpy as np
 from loky import ProcessPoolExecutor
 
 from gpusim._version import __version__
-from gpusim.arrays.array_types import Float
 from gpusim.bench.solver_cases import Case
 from gpusim.errors import GpusimError
-from gpusim.fem import Model, solve
-from gpusim.files.atomic_files import write_text
+from gpusim.fem import solve
+from gpusim.files.atomic_files import atomic_stream, write_text
 from gpusim.gpu import default_device
 
 P = ParamSpec("P")
 R = TypeVar("R")
-Export = Callable[[Case, Model, Float, Path], None]
 
 
 def solve_cold(
@@ -42,12 +39,10 @@ def solve_cold(
     load_cases: int = 1,
     reference: Path | None = None,
     write: Path | None = None,
-    export: Export | None = None,
 ) -> dict[str, Any]:
     """Solve one case; times, iterations, memory and the error as plain values.
 
-    ``reference``: a folder whose ``u.npy`` the result is compared with; ``write``: one for
-    ``u.npy`` and what ``export`` writes.
+    ``reference``: a file of displacements with which the result is compared; ``write``: one for it.
     """
     model = case.model(load_cases)
     before = _peak_kib()
@@ -72,14 +67,11 @@ def solve_cold(
         "peak_kib": _peak_kib(),
     }
     if reference is not None:
-        wanted = np.load(reference / "u.npy")
+        wanted = np.load(reference)
         result["error"] = float(np.abs(first - wanted).max() / np.abs(wanted).max())
     if write is not None:
-        write.mkdir(parents=True, exist_ok=True)
-        if export is not None:
-            export(case, model, first, write)
-        # last, so that a folder with u.npy is complete
-        np.save(write / "u.npy", first)
+        with atomic_stream(write) as stream:
+            np.save(stream, first)
     return result
 
 
@@ -156,10 +148,7 @@ def run_solver_bench(
         result = CaseResult(case.name, case.family)
         results.append(result)
         try:
-            reference = work / case.name / "reference"
-            if not is_current(reference, case):
-                make_reference(case, reference, tell)
-            measure_case(case, result, reference, tell)
+            measure_case(case, result, reference_of(case, work, tell), tell)
         except GpusimError as error:
             result.fail(str(error), tell)
         save(results)
@@ -186,40 +175,16 @@ def measure_case(case: Case, result: CaseResult, reference: Path, tell: Tell) ->
                    tell)  # fmt: skip
 
 
-def is_current(reference: Path, case: Case) -> bool:
-    """Whether the folder holds the reference of this very case."""
-    note = reference / "case.json"
-    return (
-        (reference / "u.npy").exists() and note.exists() and note.read_text("utf-8") == stamp(case)
-    )
-
-
-def make_reference(
-    case: Case,
-    reference: Path,
-    tell: Tell,
-    problem: Path | None = None,
-    export: Export | None = None,
-) -> None:
-    """Displacements at a tolerance of 1e-10; ``problem``: a folder for them and what ``export``
-    writes."""
-    tell(f"{case.name}: reference, tolerance {REFERENCE_TOLERANCE:g}")
-    made = in_fresh_process(
-        case.name, solve_cold, case, REFERENCE_TOLERANCE, write=problem or reference, export=export
-    )
-    if "failed" in made:
-        raise GpusimError(f"bench {case.name}: no reference: {made['failed']}")
-    reference.mkdir(parents=True, exist_ok=True)
-    if problem is not None:
-        shutil.copy(problem / "u.npy", reference / "u.npy")
-    (reference / "case.json").write_text(stamp(case), encoding="utf-8")
-
-
-def stamp(case: Case) -> str:
-    """What tells one model from another, as text."""
-    facts = {"name": case.name, "rule": case.rule, "size": case.lengths,
-             "divisions": case.divisions, "material": asdict(case.material)}  # fmt: skip
-    return json.dumps(facts, sort_keys=True)
+def reference_of(case: Case, work: Path, tell: Tell) -> Path:
+    """The file in ``work`` with displacements at a tolerance of 1e-10, made unless it is there."""
+    facts = repr((case.name, case.rule, case.lengths, case.divisions, case.material))
+    path = work / case.name / f"{hashlib.sha256(facts.encode()).hexdigest()[:16]}.npy"
+    if not path.exists():
+        tell(f"{case.name}: reference, tolerance {REFERENCE_TOLERANCE:g}")
+        made = in_fresh_process(case.name, solve_cold, case, REFERENCE_TOLERANCE, write=path)
+        if "failed" in made:
+            raise GpusimError(f"bench {case.name}: no reference: {made['failed']}")
+    return path
 
 
 def describe(point: Point) -> str:

@@ -173,8 +173,8 @@ def boundary_faces(mesh: Cells) -> Faces:
 
 
 def _boundary(mesh: Cells) -> Faces:
-    corners, pairs = _all_faces(mesh)
-    order, start, count = _matched(corners, mesh.node_count)
+    corners, pairs = all_faces(mesh)
+    order, start, count = matched(corners, mesh.node_count)
     crowded = np.flatnonzero(count > 2)
     bad = pairs[order[start[crowded[:5]]], 0]
     got = f"for example faces of cells {', '.join(str(c) for c in bad)}"
@@ -195,10 +195,10 @@ def _boundary(mesh: Cells) -> Faces:
     return set_faces(mesh, pairs[np.sort(order[start[count == 1]])])
 
 
-def _matched(corners: Int, node_count: int) -> tuple[Long, ...]:
+def matched(corners: Int, node_count: int) -> tuple[Long, ...]:
     """Order of the faces in which equal ones are neighbours; where each group starts; its size."""
     ordered = np.sort(corners, axis=1)
-    triangle = ordered[:, 3] == _NO_NODE
+    triangle = ordered[:, 3] == NO_NODE
     if node_count < 2**21:
         # the three least node numbers identify a face; 21 bits each, and one for its shape
         key = triangle.astype(np.uint64)
@@ -256,11 +256,11 @@ def _width(mesh: Cells) -> int:
     return max(int(CELL_TYPES[kind].faces.shape[1]) for kind, _, rows in mesh.blocks() if len(rows))
 
 
-# Where a triangle has no fourth corner: greater than every node number.
-_NO_NODE = np.int32(2**31 - 1)
+NO_NODE = np.int32(2**31 - 1)
+"""Where a triangle has no fourth corner: greater than every node number."""
 
 
-def _all_faces(mesh: Cells) -> tuple[Int, Int]:
+def all_faces(mesh: Cells) -> tuple[Int, Int]:
     """Corners (A,4) and pairs (A,2), cell and local face, of every face of every cell."""
     corners: list[Int] = []
     pairs: list[Int] = []
@@ -268,7 +268,7 @@ def _all_faces(mesh: Cells) -> tuple[Int, Int]:
         template = CELL_TYPES[kind].faces[:, :4]
         picked = np.take(block, np.maximum(template, 0).ravel(), axis=1).reshape(-1, 4)
         missing = np.flatnonzero(template[:, 3] < 0)
-        picked.reshape(len(block), len(template), 4)[:, missing, 3] = _NO_NODE
+        picked.reshape(len(block), len(template), 4)[:, missing, 3] = NO_NODE
         corners.append(picked)
         sides = np.empty((len(block), len(template), 2), dtype=np.int32)
         sides[..., 0] = np.arange(first, first + len(block))[:, None]

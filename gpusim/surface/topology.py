@@ -50,19 +50,41 @@ class Topology:
         )
 
     @cached_property
+    def opposed(self) -> Bool:
+        """(E,): exactly two triangles share it, and run along it opposite ways."""
+        along = self.triangles < np.roll(self.triangles, -1, axis=1)
+        ways = np.where(along, 1.0, -1.0).reshape(-1)
+        total = np.bincount(self.edge.reshape(-1), ways, len(self.first))
+        return np.asarray(self.manifold & (total == 0.0))
+
+    @cached_property
     def oriented(self) -> bool:
         """Whether no edge has more than two triangles, which then run along it opposite ways."""
-        along = self.triangles < np.roll(self.triangles, -1, axis=1)
-        count = len(self.first)
-        edge = self.edge.reshape(-1)
-        ways = np.bincount(edge, np.where(along, 1.0, -1.0).reshape(-1), count)
-        most = np.bincount(edge, minlength=count).max(initial=0)
-        return bool(most <= 2 and (ways[self.manifold] == 0.0).all())
+        most = np.bincount(self.edge.reshape(-1)).max(initial=0)
+        return bool(most <= 2 and self.opposed[self.manifold].all())
 
     def sides(self, flags: Bool, kept: Long) -> Bool:
         """(n, 3): of every side of triangles ``kept`` (n,), ascending, whether its edge has a flag
         (E,)."""
         return np.asarray(flags[self.edge if len(kept) == len(self.edge) else self.edge[kept]])
+
+
+def opposite_sides(faces: Long) -> Long:
+    """(F, k): of each side of faces (F, k), from a corner to the next, the one that runs along it
+    the other way: k times its face, and the corner that it begins at. -1 where an edge hasn't got
+    two sides, or these run the same way, and for sides without length."""
+    start, end = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
+    long = np.flatnonzero(start != end)
+    low, high = np.minimum(start, end)[long], np.maximum(start, end)[long]
+    order, key = sorted_keys(low * (int(faces.max(initial=0)) + 1) + high)
+    begin = np.flatnonzero(np.diff(key, prepend=-1))
+    begin = begin[np.diff(begin, append=len(key)) == 2]
+    one, other = long[order[begin]], long[order[begin + 1]]
+    against = start[one] == end[other]
+    one, other = one[against], other[against]
+    result = np.full(faces.size, -1)
+    result[one], result[other] = other, one
+    return result.reshape(faces.shape)
 
 
 def sorted_keys(

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Long
+from gpusim.arrays.ragged import expand
 from gpusim.gpu import Bound, Device, Pair, Pairs, Tolerance, Uniform, twin_check
 from gpusim.optics.ambient import hemisphere_mask
 from gpusim.optics.ambient.hemisphere_mask import hemisphere_masks, hemisphere_masks_twin
@@ -182,10 +183,7 @@ def _occluder_refinement(device: Device) -> Pairs:
         order = np.argsort(entry_of, kind="stable")
         first = np.searchsorted(entry_of[order], entry)
         last = np.searchsorted(entry_of[order], entry, side="right")
-        pair = np.repeat(np.arange(len(entry)), last - first)
-        offset = np.arange(len(pair)) - np.repeat(
-            np.cumsum(last - first) - (last - first), last - first
-        )
+        pair, offset = expand(last - first)
         row, own_face = order[first[pair] + offset], face[pair]
         looks = visible_footprint(space.lamp, occluders, corners, planes, own[row], own_face)
         hides, may = (

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float, Long
+from gpusim.arrays.ragged import expand
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.frame import Frame
 from gpusim.optics.truth import seen_in
@@ -238,8 +239,7 @@ class Symbols:
         ideal = self.camera.without_distortion().project(ends) * self.place.scale
         length = np.hypot(*(ideal[:, 1] - ideal[:, 0]).T)
         count = np.clip(np.nan_to_num(length) / PIECE, 1, MOST_PIECES).astype(np.int64)
-        line = np.repeat(np.arange(len(ends)), count)
-        step = np.arange(len(line)) - np.repeat(np.cumsum(count) - count, count)
+        line, step = expand(count)
         share = np.stack([step, step + 1], axis=1) / count[line, None]
         along = ends[line, 1] - ends[line, 0]
         return np.asarray(ends[line, None, 0] + share[..., None] * along[:, None])

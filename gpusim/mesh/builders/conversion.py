@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
+from gpusim.arrays.ragged import expand
 from gpusim.errors import InputError
 from gpusim.mesh.boundary import boundary_faces
 from gpusim.mesh.cell_types import CELL_TYPES
@@ -176,11 +177,8 @@ def split(mesh: Mesh, kind: str = "tet4") -> Mesh:
 
 def _children(numbers: Int, start: Long) -> Int:
     """All children of these cells, which are ``start[n]`` up to ``start[n + 1]``."""
-    count = start[numbers + 1] - start[numbers]
-    first = np.cumsum(count) - count  # place of each cell's first child in the result
-    return np.asarray(
-        np.arange(count.sum()) + np.repeat(start[numbers] - first, count), dtype=np.int32
-    )
+    parent, child = expand(start[numbers + 1] - start[numbers])
+    return (start[numbers][parent] + child).astype(np.int32)
 
 
 def _tets(name: str, block: Int) -> Long:

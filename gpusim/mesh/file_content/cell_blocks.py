@@ -15,7 +15,7 @@ import numpy as np
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
-from gpusim.mesh.boundary import check_range
+from gpusim.mesh.boundary import NO_NODE, all_faces, check_range, matched
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.file_content.numbering import (
     FLAT_CORNERS,
@@ -193,28 +193,18 @@ def padded(corners: Long) -> Long:
 
 def match_faces(mesh: Mesh, wanted: Long) -> tuple[Long, Bool]:
     """(K,2) pairs (cell, local face) of the corners ``wanted`` (K,4), and (K,) which were found."""
-    touched = np.zeros(mesh.node_count + 1, dtype=bool)
-    touched[wanted.ravel()] = True
-    touched[-1] = True  # stands for the missing corner of triangles
-    corners: list[Long] = []
-    pairs: list[Long] = []
-    for kind, first, block in mesh.blocks():
-        for local, face in enumerate(CELL_TYPES[kind].faces[:, :4]):
-            nodes = np.where(face < 0, -1, block[:, np.maximum(face, 0)]).astype(np.int64)
-            rows = np.flatnonzero(touched[nodes].all(axis=1))
-            corners.append(nodes[rows])
-            pairs.append(np.stack([rows + first, np.full(len(rows), local)], axis=1))
-    faces = np.sort(np.concatenate([wanted, *corners]), axis=1)
-    owner = np.concatenate(pairs)
-    _, name = np.unique(faces, axis=0, return_inverse=True)
-    asked, have = name[: len(wanted)], name[len(wanted) :]
-    best = np.full(name.max() + 1, -1, dtype=np.int64)
-    order = np.argsort(owner[:, 0], kind="stable")[::-1]  # the least cell number is written last
-    best[have[order]] = order
-    hit = best[asked] >= 0
-    return owner[np.where(hit, best[asked], 0)] if len(owner) else np.zeros(
-        (len(wanted), 2), dtype=np.int64
-    ), hit
+    corners, pairs = all_faces(mesh)
+    every = np.concatenate([np.where(wanted < 0, NO_NODE, wanted).astype(np.int32), corners])
+    order, start, count = matched(every, mesh.node_count)
+    # of equal ones the first of the mesh, which is that of the least cell
+    first = np.minimum.reduceat(np.where(order < len(wanted), len(every), order), start)
+    face = np.empty(len(every), dtype=np.int64)
+    face[order] = np.repeat(first, count)
+    hit = face[: len(wanted)] < len(every)
+    face = np.where(hit, face[: len(wanted)], len(wanted))
+    # three corners tell a face from those of a mesh, not from others
+    hit &= (np.sort(every[face], axis=1) == np.sort(every[: len(wanted)], axis=1)).all(axis=1)
+    return pairs[face - len(wanted)].astype(np.int64), hit
 
 
 def side_pairs(mesh: Mesh, cell: Long, side: Long, order: Sides, labels: Long, where: str) -> Long:

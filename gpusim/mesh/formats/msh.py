@@ -7,6 +7,7 @@ import re
 import numpy as np
 
 from gpusim.arrays.array_types import Float, Long
+from gpusim.arrays.ragged import expand
 from gpusim.arrays.unique import unique_rows
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
@@ -222,44 +223,35 @@ class _Reader(MshSource):
         count = self._count(self.line())
         numbers = MshNumbers(self)
         flat = numbers.rest()
-        runs = [np.zeros((0, 3), dtype=np.int64)]
+        # text has number, type and number of tags of each element; binary data have type, number
+        # of elements and of tags before so many of them
+        behind = 1 if self.binary else 3
+        runs: list[tuple[int, int, int, int, int]] = []
         done = 0
         while done < count:
-            runs.append(self._run22(flat, numbers.at, count - done))
-            done += len(runs[-1])
-            first, type_, tags = runs[-1][-1].tolist()
-            numbers.at = first + (1 if self.binary else 3) + tags + NODES[GMSH_KINDS[type_]]
+            head = flat[numbers.at : numbers.at + 3].tolist()
+            if len(head) < 3:
+                self.fail(
+                    "it ends before its elements do: the file is cut off, or its counts wrong"
+                )
+            type_, rows, tags = head if self.binary else (head[1], 1, head[2])
+            width = behind + tags + NODES[self._kind(type_, tags)]
+            numbers.at += 3 if self.binary else 0
+            if rows < 1 or numbers.at + rows * width > len(flat):
+                self.fail(
+                    f"it ends before its elements do, {rows} of type {type_}: the file is cut off"
+                )
+            runs.append((numbers.at, rows, width, type_, tags))
+            numbers.at += rows * width
+            done += rows
         self.at += 4 * numbers.at if self.binary else 0
         numbers.done()
         if done != count:
             self.fail(f"got {done} elements; expected {count}, as its first line says")
-        return self._blocks22(flat, np.concatenate(runs))
-
-    def _run22(self, flat: Long, at: int, most: int) -> Long:
-        """(M,3) of elements with the same head: places of their numbers, types, numbers of tags.
-
-        Text has number, type and number of tags; binary data have type, number of rows and of tags
-        before so many rows. Gmsh gives each element a head of its own.
-        """
-        if at + 3 > len(flat):
-            self.fail("it ends before its elements do: the file is cut off, or its counts wrong")
-        type_, rows, tags = flat[at : at + 3].tolist()
-        if not self.binary:
-            type_, rows = rows, 1
-        width = (4 if self.binary else 3) + tags + NODES[self._kind(type_, tags)]
-        if rows != 1:
-            at, width = at + 3, width - 3
-        room = (len(flat) - at) // width
-        if rows < 1 or room < 1 or (rows > 1 and room < rows):
-            self.fail(
-                f"it ends before its elements do, {rows} of type {type_}: the file is cut off"
-            )
-        if rows == 1:
-            heads = flat[at : at + room * width].reshape(-1, width)[:most, :3]
-            rows = _alike(heads if self.binary else heads[:, 1:])
-            at += 3 if self.binary else 0
-        first = np.arange(at, at + rows * width, width)
-        return np.stack([first, np.full(rows, type_), np.full(rows, tags)], axis=1)
+        begin, each, widths, types, tags_of = np.array(runs, np.int64).reshape(-1, 5).T
+        run, row = expand(each)
+        first = begin[run] + row * widths[run]
+        return self._blocks22(flat, np.stack([first, types[run], tags_of[run]], axis=1))
 
     def _blocks22(self, flat: Long, records: Long) -> list[Block]:
         """One block a kind, an element once: it is repeated for each of its groups."""
@@ -321,16 +313,3 @@ class _Reader(MshSource):
 
 
 _NONE = np.zeros(0, dtype=np.int64)
-
-
-def _alike(heads: Long) -> int:
-    """How many of the first rows equal the first one. Looks at twice as many rows each time, so
-    that short runs in a long list stay cheap."""
-    looked = 1
-    while True:
-        looked = min(2 * looked, len(heads))
-        same = (heads[:looked] == heads[0]).all(axis=1)
-        if not same.all():
-            return int(np.argmin(same))
-        if looked == len(heads):
-            return looked

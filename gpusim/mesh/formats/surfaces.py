@@ -138,7 +138,7 @@ def ply(file: InputFile) -> Surface:
     for element in elements:
         if element.name in ("tristrips", "multi_patch"):
             fail(file, f"got element {element.name}; expected faces")
-    reader = _Text(file, start) if not order else _Binary(file, start, order)
+    reader = _Entries(file, start, order)
     points = np.zeros((0, 3))
     corners: npt.ArrayLike = []
     sizes: list[int] = []
@@ -157,7 +157,10 @@ def ply(file: InputFile) -> Surface:
             lists = [columns[name] for name in _CORNERS if name in columns]
             if not lists:
                 fail(file, "no property list vertex_indices of face; expected one")
-            corners = np.concatenate([np.zeros(0), *lists[0]]).astype(np.int64)
+            corners = np.concatenate([np.zeros(0), *lists[0]])
+            wrong = ~((np.abs(corners) < 2.0**53) & (corners == np.rint(corners)))
+            if wrong.any():
+                fail(file, f"a face names point {corners[wrong][0]:g}; expected whole numbers")
             sizes = [len(row) for row in lists[0]]
             if min(sizes, default=3) < 3:
                 fail(file, f"a face of {min(sizes)} corners; expected at least 3")
@@ -199,40 +202,25 @@ def _header(file: InputFile) -> tuple[str, list[_Element], int]:
     return order, elements, len(file.data) if end < 0 else end + 1
 
 
-class _Text:
-    """Entries of a text file: one after another, whatever their lines."""
+class _Entries(ByteSource):
+    """Entries of elements from here on. Those of a text, whatever its lines, become float64."""
 
-    def __init__(self, file: InputFile, start: int) -> None:
-        self.file, self.words, self.at = file, file.data[start:].split(), 0
-
-    def rows(self, element: _Element) -> dict[str, Any]:
-        found: dict[str, list[Any]] = {name: [] for name, _, _ in element.properties}
-        for _ in range(element.count):
-            for name, _, counted in element.properties:
-                size = int(self.take(1, whole=True)[0]) if counted else 1
-                values = self.take(size, whole=bool(counted))
-                found[name].append(values if counted else values[0])
-        lists = {name for name, _, counted in element.properties if counted}
-        return {n: rows if n in lists else np.array(rows) for n, rows in found.items()}
-
-    def take(self, count: int, whole: bool = False) -> Float:
-        words = self.words[self.at : self.at + count]
-        if count < 0 or len(words) != count:
-            fail(self.file, f"ends before its numbers do: got {len(words)}; expected {count}")
-        self.at += count
-        try:
-            values = np.array(words, dtype=np.float64)
-        except ValueError as error:
-            fail(self.file, f"{error}; expected numbers")
-        if whole and not ((np.abs(values) < 2.0**53).all() and (values == np.rint(values)).all()):
-            fail(self.file, f"got {values}; expected whole numbers")
-        return values
-
-
-class _Binary(ByteSource):
     def __init__(self, file: InputFile, start: int, order: str) -> None:
         super().__init__(file, start)
-        self.order = order
+        self.order, self.text = order, not order
+        if self.text:
+            try:
+                self.data = np.array(file.data[start:].split(), np.float64).tobytes()
+            except ValueError as error:
+                fail(file, f"{error}; expected numbers")
+            self.at = 0
+
+    @property
+    def place(self) -> str:
+        return f"number {self.at // 8} below its header" if self.text else super().place
+
+    def kind(self, written: str) -> str:
+        return "f8" if self.text else self.order + written
 
     def rows(self, element: _Element) -> dict[str, Any]:
         if not any(counted for _, _, counted in element.properties):
@@ -244,31 +232,33 @@ class _Binary(ByteSource):
             sizes, start = {}, self.at
             for name, kind, counted in element.properties:
                 if counted:
-                    sizes[name] = int(self.take(self.order + counted, 1)[0])
-                    if sizes[name] < 0:
-                        self.fail(f"a list of {sizes[name]} entries in {element.name}")
-                self.take(self.order + kind, sizes.get(name, 1))
-            rows = (len(self.data) - start) // (self.at - start)
+                    size = float(self.take(self.kind(counted), 1)[0])
+                    if not (size >= 0.0 and size.is_integer()):
+                        self.fail(f"a list of {size:g} entries in {element.name}")
+                    sizes[name] = int(size)
+                self.take(self.kind(kind), sizes.get(name, 1))
+            room = (len(self.data) - start) // (self.at - start)
             self.at = start
-            table = self.table(element, min(rows, element.count - done), sizes)
+            table = self.table(element, min(room, element.count - done), sizes)
             alike = np.ones(len(table[element.properties[0][0]]), dtype=bool)
-            for name, size in sizes.items():
-                alike &= table[f"{name} count"] == size
+            for name, length in sizes.items():
+                alike &= table[f"{name} count"] == length
             count = len(alike) if alike.all() else int(np.argmin(alike))
             for name in found:
                 found[name] += list(table[name][:count])
             self.at = start + count * self.width
             done += count
-        return found
+        lists = {name for name, _, counted in element.properties if counted}
+        return {n: rows if n in lists else np.array(rows) for n, rows in found.items()}
 
     def table(self, element: _Element, count: int, sizes: dict[str, int]) -> dict[str, Any]:
         fields: list[Any] = []
         for name, kind, counted in element.properties:
             if counted:
-                fields += [(f"{name} count", self.order + counted),
-                           (name, self.order + kind, (sizes[name],))]  # fmt: skip
+                fields += [(f"{name} count", self.kind(counted)),
+                           (name, self.kind(kind), (sizes[name],))]  # fmt: skip
             else:
-                fields.append((name, self.order + kind))
+                fields.append((name, self.kind(kind)))
         try:
             dtype = np.dtype(fields)
         except ValueError as error:

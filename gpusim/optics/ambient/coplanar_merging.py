@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float, Long
-from gpusim.surface.topology import sorted_keys
+from gpusim.surface.topology import opposite_sides
 
 ROUNDS = 6
 """At most 2^6 faces of a row become one."""
@@ -62,30 +62,9 @@ def _following(faces: Long, k: int) -> Long:
     """(F,) the quadrilateral across edge ``k`` of each one, whose own edge is opposite in it; or
     -1."""
     quad = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-    across = _neighbours(faces)
-    one = np.flatnonzero((across[:, k] >= 0) & quad)
-    other = across[one, k]
-    good = (across[other, k - 2] == one) & quad[other]
-    # the common edge runs one way in the one, the other way in the other
-    good &= faces[one, k] == faces[other, k - 1]
-    good &= faces[one, k + 1] == faces[other, k - 2]
-    result = np.full(len(faces), -1)
-    result[one[good]] = other[good]
-    return result
-
-
-def _neighbours(faces: Long) -> Long:
-    """(F, 4) the face across each edge, -1 where there is none or several."""
-    a, b = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
-    edge = np.flatnonzero(a != b)
-    low, high = np.minimum(a, b)[edge], np.maximum(a, b)[edge]
-    order, key = sorted_keys(low * (int(faces.max(initial=0)) + 1) + high)
-    edge = edge[order]
-    first = np.flatnonzero(np.diff(key, prepend=-1))
-    pair = first[np.diff(first, append=len(key)) == 2]
-    result = np.full(faces.size, -1)
-    result[edge[pair]], result[edge[pair + 1]] = edge[pair + 1] // 4, edge[pair] // 4
-    return result.reshape(faces.shape)
+    other, corner = np.divmod(opposite_sides(faces)[:, k], 4)
+    good = quad & (other >= 0) & quad[other] & (corner == (k - 2) % 4)
+    return np.where(good, other, -1)
 
 
 def _suit(

@@ -18,7 +18,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.optics.shadow.occluders import morton_codes
-from gpusim.surface.topology import sorted_keys
+from gpusim.surface.topology import opposite_sides
 
 TILT = 0.1
 """Tangent of the angle by which the rows of `gpusim.optics.ambient.hemisphere_mask` pass the
@@ -84,22 +84,11 @@ class EdgeAdjacency:
     def of(points: Float, faces: Long, both_sides: Bool) -> EdgeAdjacency:
         """Those of faces (F, 4) of ``points`` (N, 3), a triangle's last corner twice."""
         start, end = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
-        real = np.flatnonzero(start != end)
-        low, high = np.minimum(start, end)[real], np.maximum(start, end)[real]
-        order, key = sorted_keys(low * (len(points) + 1) + high)
-        slot = real[order]
-        new = np.ones(len(key), bool)
-        new[1:] = key[1:] != key[:-1]
-        alone = np.append(new[1:], True)
         # where three faces meet, or two that don't go round the same way, each has its own edge
-        first = np.flatnonzero(new & ~alone)
-        first = first[np.append(alone[1:], True)[first]]
-        first = first[start[slot[first]] == end[slot[first + 1]]]
-        one = np.ones(len(slot), bool)
-        one[first + 1] = False
-        second = np.full(len(slot), -1)
-        second[first] = slot[first + 1]
-        half_edges, other = slot[one], second[one]
+        opposite = opposite_sides(faces).reshape(-1)
+        second = (opposite >= 0) & (opposite < np.arange(faces.size))
+        half_edges = np.flatnonzero((start != end) & ~second)
+        other = opposite[half_edges]
         edges = np.full(faces.size, -1)
         edges[half_edges] = 2 * np.arange(len(half_edges))
         pair = np.flatnonzero(other >= 0)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from gpusim.arrays.array_types import Float, Long
+from gpusim.arrays.ragged import batches, cells_of_boxes, expand
 from gpusim.optics.geometry.view import View
 
 _CELLS = 3.0, 64.0
@@ -48,12 +49,9 @@ class PointLocation:
         end = np.floor((high - self._low) / self._cell)
         inside = np.flatnonzero(((end >= 0) & (begin <= last)).all(axis=1))
         begin = np.clip(begin[inside], 0, last).astype(np.int64)
-        wide, high_ = (np.clip(end[inside], 0, last).astype(np.int64) - begin + 1).T
-        count = wide * high_
-        owner = np.repeat(np.arange(len(inside)), count)
-        place = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-        row, column = np.divmod(place, wide[owner])
-        cell = (begin[owner, 1] + row) * self._shape[0] + begin[owner, 0] + column
+        stop = np.clip(end[inside], 0, last).astype(np.int64) + 1
+        owner, place = cells_of_boxes(begin, stop)
+        cell = place[:, 1] * self._shape[0] + place[:, 0]
         order = np.argsort(cell, kind="stable")
         first = np.zeros(int(np.prod(self._shape)) + 1, np.int64)
         np.cumsum(np.bincount(cell, minlength=len(first) - 1), out=first[1:])
@@ -70,22 +68,15 @@ class PointLocation:
         column, row = cell[there].astype(np.int64).T
         number = row * self._shape[0] + column
         first, count = self._first[number], self._first[number + 1] - self._first[number]
-        ends = np.cumsum(count)
-        start = 0
-        while start < len(there):
-            before = ends[start - 1] if start else 0
-            stop = max(int(np.searchsorted(ends, before + _CHUNK, "right")), start + 1)
-            part = slice(start, stop)
+        for part in batches(count, _CHUNK):
             found = self._of(ideal[there[part]], first[part], count[part])
             triangle[there[part]], inverse[there[part]] = found
-            start = stop
         return triangle, inverse
 
     def _of(self, ideal: Float, first: Long, count: Long) -> tuple[Long, Float]:
         """The same of ``ideal`` places (n, 2) whose cells have ``count`` triangles from ``first``
         on."""
-        owner = np.repeat(np.arange(len(ideal)), count)
-        place = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+        owner, place = expand(count)
         candidates = self._triangles[np.repeat(first, count) + place]
         x, y = (np.take(column, owner) for column in ideal.T)
         depth, inside = np.zeros(len(owner)), np.full(len(owner), np.inf)

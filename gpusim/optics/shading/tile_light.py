@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float, Long
-from gpusim.arrays.ragged import expand
+from gpusim.arrays.ragged import cells_of_boxes
 from gpusim.gpu import Recording
 from gpusim.gpu.texture_array import Texels
 from gpusim.mesh.polygons import unit_normals
@@ -102,10 +102,8 @@ def _squares(low: Float, high: Float, columns: int) -> tuple[Long, Long]:
     """Numbers of boxes (n, 2) px and of the squares under them, pair by pair."""
     first = np.floor((low + 0.5) / SQUARE).astype(np.int64)
     last = np.floor((np.maximum(high, low) + 0.5) / SQUARE - 1e-9).astype(np.int64)
-    wide, tall = np.maximum(last - first + 1, 1).T
-    box, offset = expand(wide * tall)
-    row = first[box, 1] + offset // wide[box]
-    return box, row * columns + first[box, 0] + offset % wide[box]
+    box, place = cells_of_boxes(first, np.maximum(last, first) + 1)
+    return box, place[:, 1] * columns + place[:, 0]
 
 
 def _flat(view: View, triangles: Long) -> Bool:

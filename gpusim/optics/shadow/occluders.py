@@ -125,19 +125,10 @@ def relative_points(surfaces: Sequence[Surface], eye: Float) -> Single:
 
 def _across(topology: Topology) -> Long:
     """(T, 3): see `Occluders.neighbours`, -1 for none."""
-    own = np.arange(len(topology.triangles))[:, None]
-    edge = topology.edge
+    own, edge = np.arange(len(topology.triangles))[:, None], topology.edge
+    shared = topology.opposed & (topology.first != topology.second)
     first, second = topology.first[edge], topology.second[edge]
-    # neighbours run along their edge opposite ways
-    begin = np.asarray(topology.triangles)
-    forth = np.empty(len(topology.first), np.int64)
-    back = np.empty(len(topology.first), np.int64)
-    is_first = first == own
-    forth[edge[is_first]] = begin[is_first]
-    back[edge[~is_first]] = begin[~is_first]
-    shared = topology.manifold & (topology.first != topology.second)
-    shared[shared] = forth[shared] != back[shared]
-    return np.where(shared[edge], np.where(is_first, second, first), -1)
+    return np.where(shared[edge], np.where(first == own, second, first), -1)
 
 
 def morton_codes(places: Float) -> npt.NDArray[np.uint64]:

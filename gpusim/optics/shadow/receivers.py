@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float, Long
+from gpusim.arrays.ragged import expand
 from gpusim.gpu import Buffer, Device, Texels, Uniform
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.camera.undistortion_table import distortion_map
@@ -74,9 +75,8 @@ def group_starts(size: Long) -> Long:
     """(G + 1,): where groups begin, and the last one ends, that divide parts of ``size`` (n,), one
     after the other, into `MOST` at most."""
     parts = -(-size // MOST)
-    first = np.repeat(np.cumsum(size) - size, parts)
-    place = np.arange(len(first)) - np.repeat(np.cumsum(parts) - parts, parts)
-    return np.append(first + MOST * place, size.sum())
+    owner, place = expand(parts)
+    return np.append((np.cumsum(size) - size)[owner] + MOST * place, size.sum())
 
 
 @dataclass(frozen=True, eq=False)

@@ -76,6 +76,7 @@ def packed(row: list[tuple[float, str]], order: str) -> bytes:
 GOOD = {
     "a.obj": OBJ, "a.off": OFF, "c.off": COFF, "one.stl": stl(1), "two.stl": stl(2),
     "text.ply": ply(""), "little.ply": ply("<"), "big.ply": ply(">", "vertex_index"),
+    "uv.ply": ply("").replace(b"int tag", b"list uchar float uv").replace(b" 7\n", b" 1 0.25\n"),
 }  # fmt: skip
 
 
@@ -113,6 +114,9 @@ def test_every_form_gives_every_face(name: str, tmp_path: Path) -> None:
         ("a.ply", ply("<")[:-12], "cut off"),
         ("a.ply", ply("").replace(b"double x", b"double w"), "no property x of vertex"),
         ("a.ply", ply("").replace(b"list uchar", b"list float"), r"ply:10: got 'property list"),
+        ("a.ply", ply("").replace(b"3 3 2 4", b"3 3 2 4.5"), "names point 4.5; expected whole"),
+        ("a.ply", ply("").replace(b"3 3 2 4", b"nan 3 2 4"), "a list of nan entries in face"),
+        ("a.ply", ply("").replace(b"3 3 2 4", b"3 3 2 x"), "a.ply: could not convert .*numbers"),
         ("a.glb", b"glTF" + b"\2\0\0\0" * 4, r"a\.glb: damaged, or no glTF"),
         ("a.gltf", '{"asset": {"version": "2.0"}}', r"a\.gltf: "),
         ("a.step", "", "got '.step'; expected one of .stl, .ply, .obj, .off, .glb"),
