@@ -19,6 +19,7 @@ Its parts, in the order in which they import each other:
 - `printable`: Texts of other people, shown without what commands a terminal.
 - `display`: How objects show themselves in notebooks, and draw themselves.
 - `field_summary`: How objects with arrays show themselves at a prompt.
+- `public_names`: What a package shows of itself.
 - `arrays`: What NumPy lacks, or does slowly.
 - `files`: Read once, written whole.
 - `parallel`: Processors, threads, processes and memory of this machine.

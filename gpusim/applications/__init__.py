@@ -11,24 +11,15 @@ Its modules:
 - `field_scene`: The scene of a displacement file alone.
 """
 
-from gpusim.applications.advice import advise_files
-from gpusim.applications.calibration import CalibrationOutput, calibrate_files
-from gpusim.applications.correlation import correlate_files, correlate_pairs
-from gpusim.applications.correlation_output import CorrelationOutput, CorrelationSettings
-from gpusim.applications.decks import DeckOutput, solve_deck
+from gpusim.applications.advice import advise_files as advise_files
+from gpusim.applications.calibration import CalibrationOutput as CalibrationOutput
+from gpusim.applications.calibration import calibrate_files as calibrate_files
+from gpusim.applications.correlation import correlate_files as correlate_files
+from gpusim.applications.correlation import correlate_pairs as correlate_pairs
+from gpusim.applications.correlation_output import CorrelationOutput as CorrelationOutput
+from gpusim.applications.correlation_output import CorrelationSettings as CorrelationSettings
+from gpusim.applications.decks import DeckOutput as DeckOutput
+from gpusim.applications.decks import solve_deck as solve_deck
+from gpusim.public_names import public_names as _public_names
 
-__all__ = [
-    "CalibrationOutput",
-    "CorrelationOutput",
-    "CorrelationSettings",
-    "DeckOutput",
-    "advise_files",
-    "calibrate_files",
-    "correlate_files",
-    "correlate_pairs",
-    "solve_deck",
-]
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__all__, __getattr__, __dir__ = _public_names(__name__)

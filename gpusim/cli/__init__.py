@@ -303,7 +303,7 @@ def plan(
             from gpusim.scene.cost import Counts
 
         strange = check_files(loaded) if loaded.reads_files else []
-        speed = Speed.read(backend).measured()
+        speed = Speed.read(backend)
         planned = partial(
             make_plan, loaded, output, backend, fresh=fresh, skip=not no_skip, store=store,
             verify=verify, speed=speed,

@@ -173,8 +173,6 @@ def print_plan(made: Plan) -> None:
     total = time_text(made.seconds) or "no time"
     for warning in made.warnings:
         out(f"warning: {warning}")
-    if made.busy >= 1.5:
-        out(f"This machine is busy: everything takes about {made.busy:.2g} times as long now.")
     out(f"{made.scene}: valid; about {total} and {size_text(made.memory_bytes) or 'no memory'}.")
 
 

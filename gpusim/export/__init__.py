@@ -13,12 +13,11 @@ Its modules:
 - `correlation`: Measured displacements and strains as CSV, NPZ and HDF5.
 """
 
-from __future__ import annotations
+import typing as _typing
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from gpusim.public_names import public_names as _public_names
 
-if TYPE_CHECKING:
+if _typing.TYPE_CHECKING:
     from gpusim.export.images import read_image as read_image
     from gpusim.export.images import write_image as write_image
     from gpusim.export.meshes import write_pvd as write_pvd
@@ -35,21 +34,10 @@ if TYPE_CHECKING:
 
 # HDF5 and mesh formats take a tenth of a second to import, which most runs don't need
 _HOMES = {
-    "files.atomic_files": ("atomic_path", "atomic_stream", "clean_leftovers", "safe_name"),
-    "export.images": ("read_image", "write_image"),
-    "export.meshes": ("write_pvd", "write_region_stls", "write_stl", "write_vtu"),
-    "export.radiance": ("write_radiance",),
-    "export.truth": ("FrameWriter", "TruthWriter"),
+    "gpusim.export.images": "read_image write_image",
+    "gpusim.export.meshes": "write_pvd write_region_stls write_stl write_vtu",
+    "gpusim.export.radiance": "write_radiance",
+    "gpusim.export.truth": "FrameWriter TruthWriter",
+    "gpusim.files.atomic_files": "atomic_path atomic_stream clean_leftovers safe_name",
 }
-_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
-__all__ = sorted(_HOME_OF)
-
-
-def __getattr__(name: str) -> Any:
-    if name in _HOME_OF:
-        return getattr(importlib.import_module(f"gpusim.{_HOME_OF[name]}"), name)
-    raise AttributeError(f"module 'gpusim.export' has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return __all__
+__all__, __getattr__, __dir__ = _public_names(__name__, _HOMES)

@@ -21,135 +21,78 @@ In the order in which data passes:
 - `recovery`: What follows from displacements: stress.
 """
 
-from __future__ import annotations
+import typing as _typing
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from gpusim.fem.linear.solve_plan import METHODS as METHODS
+from gpusim.fem.materials.hardening import Voce as Voce
+from gpusim.fem.materials.hencky import Hencky as Hencky
+from gpusim.fem.materials.isochoric_neo_hookean import IsochoricNeoHookean as IsochoricNeoHookean
+from gpusim.fem.materials.isotropic import Isotropic as Isotropic
+from gpusim.fem.materials.j2 import J2 as J2
+from gpusim.fem.materials.law import Law as Law
+from gpusim.fem.materials.law import Material as Material
+from gpusim.fem.materials.law import Update as Update
+from gpusim.fem.materials.neo_hookean import NeoHookean as NeoHookean
+from gpusim.fem.materials.orthotropic import Orthotropic as Orthotropic
+from gpusim.fem.materials.saint_venant_kirchhoff import SaintVenantKirchhoff as SaintVenantKirchhoff
+from gpusim.fem.model.constraints import Equations as Equations
+from gpusim.fem.model.constraints import equations as equations
+from gpusim.fem.model.constraints import tie as tie
+from gpusim.fem.model.follower_loads import FollowerPressure as FollowerPressure
+from gpusim.fem.model.loads import body_force as body_force
+from gpusim.fem.model.loads import centrifugal as centrifugal
+from gpusim.fem.model.loads import face_force as face_force
+from gpusim.fem.model.loads import line_force as line_force
+from gpusim.fem.model.loads import nodal_force as nodal_force
+from gpusim.fem.model.loads import pressure as pressure
+from gpusim.fem.model.loads import traction as traction
+from gpusim.fem.model.mass import lumped_mass as lumped_mass
+from gpusim.fem.model.mass import mass_matrix as mass_matrix
+from gpusim.fem.model.model import Model as Model
+from gpusim.fem.model.solution import LoadStep as LoadStep
+from gpusim.fem.model.solution import Solution as Solution
+from gpusim.fem.model.supports import symmetry as symmetry
+from gpusim.fem.model.thermal_loads import thermal as thermal
+from gpusim.fem.procedures.statics import solve as solve
+from gpusim.fem.recovery.stress import Stress as Stress
+from gpusim.fem.recovery.stress import principal as principal
+from gpusim.fem.recovery.stress import stress as stress
+from gpusim.fem.recovery.stress import von_mises as von_mises
+from gpusim.public_names import public_names as _public_names
 
-from gpusim.fem.linear.solve_plan import METHODS
-from gpusim.fem.materials.hardening import Voce
-from gpusim.fem.materials.hencky import Hencky
-from gpusim.fem.materials.isochoric_neo_hookean import IsochoricNeoHookean
-from gpusim.fem.materials.isotropic import Isotropic
-from gpusim.fem.materials.j2 import J2
-from gpusim.fem.materials.law import Law, Material, Update
-from gpusim.fem.materials.neo_hookean import NeoHookean
-from gpusim.fem.materials.orthotropic import Orthotropic
-from gpusim.fem.materials.saint_venant_kirchhoff import SaintVenantKirchhoff
-from gpusim.fem.model.constraints import Equations, equations, tie
-from gpusim.fem.model.follower_loads import FollowerPressure
-from gpusim.fem.model.loads import (
-    body_force,
-    centrifugal,
-    face_force,
-    line_force,
-    nodal_force,
-    pressure,
-    traction,
-)
-from gpusim.fem.model.mass import lumped_mass, mass_matrix
-from gpusim.fem.model.model import Model
-from gpusim.fem.model.solution import LoadStep, Solution
-from gpusim.fem.model.supports import symmetry
-from gpusim.fem.model.thermal_loads import thermal
-from gpusim.fem.procedures.statics import solve
-from gpusim.fem.recovery.stress import Stress, principal, stress, von_mises
-
-if TYPE_CHECKING:
-    from gpusim.fem.dynamics.frequency_response import frequency_response
-    from gpusim.fem.dynamics.harmonic import harmonic
-    from gpusim.fem.dynamics.random_response import RandomResponse, random_response
-    from gpusim.fem.dynamics.transient import transient
-    from gpusim.fem.eigenvalues.buckling import buckling
-    from gpusim.fem.eigenvalues.modes import modes
-    from gpusim.fem.model.buckling import Buckling
-    from gpusim.fem.model.damping import ModalDamping, Rayleigh, StructuralDamping
-    from gpusim.fem.model.harmonic_response import HarmonicResponse
-    from gpusim.fem.model.history import EnergyHistory, History
-    from gpusim.fem.model.modes import Modes
-    from gpusim.fem.model.record import Record, read_record
+if _typing.TYPE_CHECKING:
+    from gpusim.fem.dynamics.frequency_response import frequency_response as frequency_response
+    from gpusim.fem.dynamics.harmonic import harmonic as harmonic
+    from gpusim.fem.dynamics.random_response import RandomResponse as RandomResponse
+    from gpusim.fem.dynamics.random_response import random_response as random_response
+    from gpusim.fem.dynamics.transient import transient as transient
+    from gpusim.fem.eigenvalues.buckling import buckling as buckling
+    from gpusim.fem.eigenvalues.modes import modes as modes
+    from gpusim.fem.model.buckling import Buckling as Buckling
+    from gpusim.fem.model.damping import ModalDamping as ModalDamping
+    from gpusim.fem.model.damping import Rayleigh as Rayleigh
+    from gpusim.fem.model.damping import StructuralDamping as StructuralDamping
+    from gpusim.fem.model.harmonic_response import HarmonicResponse as HarmonicResponse
+    from gpusim.fem.model.history import EnergyHistory as EnergyHistory
+    from gpusim.fem.model.history import History as History
+    from gpusim.fem.model.modes import Modes as Modes
+    from gpusim.fem.model.record import Record as Record
+    from gpusim.fem.model.record import read_record as read_record
 
 # what statics don't need isn't loaded before it is asked for
 _LATER = {
-    "Buckling": "model.buckling",
-    "EnergyHistory": "model.history",
-    "HarmonicResponse": "model.harmonic_response",
-    "History": "model.history",
-    "ModalDamping": "model.damping",
-    "Modes": "model.modes",
-    "RandomResponse": "dynamics.random_response",
-    "Rayleigh": "model.damping",
-    "Record": "model.record",
-    "StructuralDamping": "model.damping",
-    "buckling": "eigenvalues.buckling",
-    "frequency_response": "dynamics.frequency_response",
-    "harmonic": "dynamics.harmonic",
-    "modes": "eigenvalues.modes",
-    "random_response": "dynamics.random_response",
-    "read_record": "model.record",
-    "transient": "dynamics.transient",
+    "gpusim.fem.dynamics.frequency_response": "frequency_response",
+    "gpusim.fem.dynamics.harmonic": "harmonic",
+    "gpusim.fem.dynamics.random_response": "RandomResponse random_response",
+    "gpusim.fem.dynamics.transient": "transient",
+    "gpusim.fem.eigenvalues.buckling": "buckling",
+    "gpusim.fem.eigenvalues.modes": "modes",
+    "gpusim.fem.model.buckling": "Buckling",
+    "gpusim.fem.model.damping": "ModalDamping Rayleigh StructuralDamping",
+    "gpusim.fem.model.harmonic_response": "HarmonicResponse",
+    "gpusim.fem.model.history": "EnergyHistory History",
+    "gpusim.fem.model.modes": "Modes",
+    "gpusim.fem.model.record": "Record read_record",
 }
-__all__ = [
-    "J2",
-    "METHODS",
-    "Buckling",
-    "EnergyHistory",
-    "Equations",
-    "FollowerPressure",
-    "HarmonicResponse",
-    "Hencky",
-    "History",
-    "IsochoricNeoHookean",
-    "Isotropic",
-    "Law",
-    "LoadStep",
-    "Material",
-    "ModalDamping",
-    "Model",
-    "Modes",
-    "NeoHookean",
-    "Orthotropic",
-    "RandomResponse",
-    "Rayleigh",
-    "Record",
-    "SaintVenantKirchhoff",
-    "Solution",
-    "Stress",
-    "StructuralDamping",
-    "Update",
-    "Voce",
-    "body_force",
-    "buckling",
-    "centrifugal",
-    "equations",
-    "face_force",
-    "frequency_response",
-    "harmonic",
-    "line_force",
-    "lumped_mass",
-    "mass_matrix",
-    "modes",
-    "nodal_force",
-    "pressure",
-    "principal",
-    "random_response",
-    "read_record",
-    "solve",
-    "stress",
-    "symmetry",
-    "thermal",
-    "tie",
-    "traction",
-    "transient",
-    "von_mises",
-]
 
-
-def __getattr__(name: str) -> Any:
-    if name in _LATER:
-        return getattr(import_module(f"gpusim.fem.{_LATER[name]}"), name)
-    raise AttributeError(f"module 'gpusim.fem' has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__all__, __getattr__, __dir__ = _public_names(__name__, _LATER)

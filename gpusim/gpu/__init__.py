@@ -30,46 +30,30 @@ In the order in which data passes:
 - `probes`: What a driver does with numbers.
 """
 
-from gpusim.gpu.adapter import software_adapter
-from gpusim.gpu.backend import BACKENDS, chosen_backend, working_device
-from gpusim.gpu.binding_cache import Bound
-from gpusim.gpu.buffer import Buffer, RealBuffer
-from gpusim.gpu.context import PORTABLE_LIMITS
-from gpusim.gpu.device import Device, default_device
-from gpusim.gpu.kernel import Bindings, Kernel
-from gpusim.gpu.raster import Raster, Texture
-from gpusim.gpu.recording import Recording
-from gpusim.gpu.texture_array import Texels
-from gpusim.gpu.twin import TOLERANCES, Pair, Pairs, Tolerance, compare, twin_check, twin_checks
-from gpusim.gpu.uniform import Uniform
+from gpusim.gpu.adapter import software_adapter as software_adapter
+from gpusim.gpu.backend import BACKENDS as BACKENDS
+from gpusim.gpu.backend import chosen_backend as chosen_backend
+from gpusim.gpu.backend import working_device as working_device
+from gpusim.gpu.binding_cache import Bound as Bound
+from gpusim.gpu.buffer import Buffer as Buffer
+from gpusim.gpu.buffer import RealBuffer as RealBuffer
+from gpusim.gpu.context import PORTABLE_LIMITS as PORTABLE_LIMITS
+from gpusim.gpu.device import Device as Device
+from gpusim.gpu.device import default_device as default_device
+from gpusim.gpu.kernel import Bindings as Bindings
+from gpusim.gpu.kernel import Kernel as Kernel
+from gpusim.gpu.raster import Raster as Raster
+from gpusim.gpu.raster import Texture as Texture
+from gpusim.gpu.recording import Recording as Recording
+from gpusim.gpu.texture_array import Texels as Texels
+from gpusim.gpu.twin import TOLERANCES as TOLERANCES
+from gpusim.gpu.twin import Pair as Pair
+from gpusim.gpu.twin import Pairs as Pairs
+from gpusim.gpu.twin import Tolerance as Tolerance
+from gpusim.gpu.twin import compare as compare
+from gpusim.gpu.twin import twin_check as twin_check
+from gpusim.gpu.twin import twin_checks as twin_checks
+from gpusim.gpu.uniform import Uniform as Uniform
+from gpusim.public_names import public_names as _public_names
 
-__all__ = [
-    "BACKENDS",
-    "PORTABLE_LIMITS",
-    "TOLERANCES",
-    "Bindings",
-    "Bound",
-    "Buffer",
-    "Device",
-    "Kernel",
-    "Pair",
-    "Pairs",
-    "Raster",
-    "RealBuffer",
-    "Recording",
-    "Texels",
-    "Texture",
-    "Tolerance",
-    "Uniform",
-    "chosen_backend",
-    "compare",
-    "default_device",
-    "software_adapter",
-    "twin_check",
-    "twin_checks",
-    "working_device",
-]
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__all__, __getattr__, __dir__ = _public_names(__name__)

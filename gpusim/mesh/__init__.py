@@ -20,73 +20,45 @@ In the order in which data passes:
 - `part_outline`: The outline of a part: its sizes and faces, for a first scene.
 """
 
-from __future__ import annotations
+import typing as _typing
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from gpusim.mesh.boundary import Faces as Faces
+from gpusim.mesh.boundary import boundary_faces as boundary_faces
+from gpusim.mesh.boundary import set_faces as set_faces
+from gpusim.mesh.builders.conversion import quadratic as quadratic
+from gpusim.mesh.builders.conversion import split as split
+from gpusim.mesh.builders.grids import beam as beam
+from gpusim.mesh.builders.grids import box as box
+from gpusim.mesh.builders.grids import crane as crane
+from gpusim.mesh.builders.notches import Notch as Notch
+from gpusim.mesh.builders.notches import notched as notched
+from gpusim.mesh.builders.plates import bracket as bracket
+from gpusim.mesh.builders.plates import plate_with_hole as plate_with_hole
+from gpusim.mesh.cell_types import CELL_TYPES as CELL_TYPES
+from gpusim.mesh.cell_types import CellType as CellType
+from gpusim.mesh.mesh import Mesh as Mesh
+from gpusim.mesh.quality import Quality as Quality
+from gpusim.mesh.quality import mesh_quality as mesh_quality
+from gpusim.mesh.selection import select_faces as select_faces
+from gpusim.mesh.selection import select_nodes as select_nodes
+from gpusim.public_names import public_names as _public_names
 
-from gpusim.mesh.boundary import Faces, boundary_faces, set_faces
-from gpusim.mesh.builders.conversion import quadratic, split
-from gpusim.mesh.builders.grids import beam, box, crane
-from gpusim.mesh.builders.notches import Notch, notched
-from gpusim.mesh.builders.plates import bracket, plate_with_hole
-from gpusim.mesh.cell_types import CELL_TYPES, CellType
-from gpusim.mesh.mesh import Mesh
-from gpusim.mesh.quality import Quality, mesh_quality
-from gpusim.mesh.selection import select_faces, select_nodes
-
-if TYPE_CHECKING:
-    from gpusim.mesh.formats.cad import check_gmsh, mesh_cad
-    from gpusim.mesh.formats.element_sizes import SizeBox
-    from gpusim.mesh.formats.reader import read_mesh
-    from gpusim.mesh.formats.surfaces import read_surface
-    from gpusim.mesh.formats.textures import read_textured
-
-__all__ = [
-    "CELL_TYPES",
-    "CellType",
-    "Faces",
-    "Mesh",
-    "Notch",
-    "Quality",
-    "SizeBox",
-    "beam",
-    "boundary_faces",
-    "box",
-    "bracket",
-    "check_gmsh",
-    "crane",
-    "mesh_cad",
-    "mesh_quality",
-    "notched",
-    "plate_with_hole",
-    "quadratic",
-    "read_mesh",
-    "read_surface",
-    "read_textured",
-    "select_faces",
-    "select_nodes",
-    "set_faces",
-    "split",
-]
+if _typing.TYPE_CHECKING:
+    from gpusim.mesh.formats.cad import check_gmsh as check_gmsh
+    from gpusim.mesh.formats.cad import mesh_cad as mesh_cad
+    from gpusim.mesh.formats.element_sizes import SizeBox as SizeBox
+    from gpusim.mesh.formats.reader import read_mesh as read_mesh
+    from gpusim.mesh.formats.surfaces import read_surface as read_surface
+    from gpusim.mesh.formats.textures import read_textured as read_textured
 
 
 # two dozen readers, which a mesh that is built by number does without
 _FORMATS = {
-    "SizeBox": "element_sizes",
-    "check_gmsh": "cad",
-    "mesh_cad": "cad",
-    "read_mesh": "reader",
-    "read_surface": "surfaces",
-    "read_textured": "textures",
+    "gpusim.mesh.formats.cad": "check_gmsh mesh_cad",
+    "gpusim.mesh.formats.element_sizes": "SizeBox",
+    "gpusim.mesh.formats.reader": "read_mesh",
+    "gpusim.mesh.formats.surfaces": "read_surface",
+    "gpusim.mesh.formats.textures": "read_textured",
 }
 
-
-def __getattr__(name: str) -> Any:
-    if name in _FORMATS:
-        return getattr(importlib.import_module(f"gpusim.mesh.formats.{_FORMATS[name]}"), name)
-    raise AttributeError(f"module 'gpusim.mesh' has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__all__, __getattr__, __dir__ = _public_names(__name__, _FORMATS)

@@ -22,45 +22,23 @@ In the order in which data passes:
 - `sensor`: Grey values from radiance.
 """
 
-from gpusim.optics.camera.pinhole import Camera
-from gpusim.optics.frame import Frame
-from gpusim.optics.lens import psf
-from gpusim.optics.lens.exposure import photograph
-from gpusim.optics.lens.shutter import Shutter
-from gpusim.optics.lens.thin_lens import Lens, Vignetting
-from gpusim.optics.light.blackbody import blackbody
-from gpusim.optics.light.lights import (
-    AmbientLight,
-    AreaLight,
-    EnvironmentLight,
-    PointLight,
-    SpotLight,
-    SunLight,
-)
-from gpusim.optics.rendering.renderer import render
-from gpusim.optics.sensor.sensor import Sensor
-from gpusim.optics.truth import Truth
+from gpusim.optics.camera.pinhole import Camera as Camera
+from gpusim.optics.frame import Frame as Frame
+from gpusim.optics.lens import psf as psf
+from gpusim.optics.lens.exposure import photograph as photograph
+from gpusim.optics.lens.shutter import Shutter as Shutter
+from gpusim.optics.lens.thin_lens import Lens as Lens
+from gpusim.optics.lens.thin_lens import Vignetting as Vignetting
+from gpusim.optics.light.blackbody import blackbody as blackbody
+from gpusim.optics.light.lights import AmbientLight as AmbientLight
+from gpusim.optics.light.lights import AreaLight as AreaLight
+from gpusim.optics.light.lights import EnvironmentLight as EnvironmentLight
+from gpusim.optics.light.lights import PointLight as PointLight
+from gpusim.optics.light.lights import SpotLight as SpotLight
+from gpusim.optics.light.lights import SunLight as SunLight
+from gpusim.optics.rendering.renderer import render as render
+from gpusim.optics.sensor.sensor import Sensor as Sensor
+from gpusim.optics.truth import Truth as Truth
+from gpusim.public_names import public_names as _public_names
 
-__all__ = [
-    "AmbientLight",
-    "AreaLight",
-    "Camera",
-    "EnvironmentLight",
-    "Frame",
-    "Lens",
-    "PointLight",
-    "Sensor",
-    "Shutter",
-    "SpotLight",
-    "SunLight",
-    "Truth",
-    "Vignetting",
-    "blackbody",
-    "photograph",
-    "psf",
-    "render",
-]
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__all__, __getattr__, __dir__ = _public_names(__name__)

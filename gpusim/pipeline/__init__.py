@@ -13,21 +13,12 @@ In the order in which data passes:
 - `runner`: Runs: a graph decided, worked off, and told in reports.
 """
 
-from typing import TYPE_CHECKING, Any
+import typing as _typing
 
-if TYPE_CHECKING:
+from gpusim.public_names import public_names as _public_names
+
+if _typing.TYPE_CHECKING:
     from gpusim.pipeline.runner.run import run as run
 
-__all__ = ["run"]
-
-
-def __getattr__(name: str) -> Any:
-    if name != "run":
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from gpusim.pipeline.runner.run import run  # all stages, of which a preview needs but few
-
-    return run
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+# all stages, of which a preview needs but few
+__all__, __getattr__, __dir__ = _public_names(__name__, {"gpusim.pipeline.runner.run": "run"})

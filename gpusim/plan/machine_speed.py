@@ -11,27 +11,24 @@ is missing, damaged or can't be written costs exactness of what ``gpusim plan`` 
 from __future__ import annotations
 
 import hashlib
-import json
 import math
-import os
 import platform
-import time
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, Field
 
 from gpusim._version import __version__
 from gpusim.files.atomic_files import write_text
 from gpusim.files.cache_files import cache_folder, open_cached
 from gpusim.parallel.machine import all_processors
 
-_VERSION = 2
 _MOST_KNOWN = 500
 _MOST_BYTES = 10_000_000
 _LIMITS = 0.02, 50.0  # of a ratio: what is beyond is another fault than speed
-_DAMAGED = OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError
 
 
 @dataclass(frozen=True)
@@ -54,20 +51,17 @@ class Workload:
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-@dataclass
-class Speed:
+class Speed(BaseModel):
     """What is known of a machine.
 
     ``ratios``: kind of work -> seconds over those of the reference machine; ``known``: signature ->
-    seconds of what has been done; ``adapter``: the device that it was done on; ``busy``: how much
-    longer everything takes just now, because others work here too.
+    seconds of what has been done; ``adapter``: the device that it was done on.
     """
 
     machine: str = ""
     adapter: str = ""
-    busy: float = 1.0
-    ratios: dict[str, float] = field(default_factory=dict)
-    known: dict[str, float] = field(default_factory=dict)
+    ratios: dict[str, Annotated[float, Field(ge=_LIMITS[0], le=_LIMITS[1])]] = {}
+    known: dict[str, Annotated[float, Field(ge=1e-9, le=1e9)]] = {}
 
     @staticmethod
     def read(backend: str) -> Speed:
@@ -75,43 +69,24 @@ class Speed:
 
         ``"auto"`` is the device, unless all that this machine has learned was by NumPy.
         """
-        if backend != "auto":
-            return Speed._read(backend)
-        device, numpy = Speed._read("gpu"), Speed._read("numpy")
-        return numpy if numpy.known and not device.known else device
-
-    @staticmethod
-    def _read(backend: str) -> Speed:
+        if backend == "auto":
+            device, numpy = Speed.read("gpu"), Speed.read("numpy")
+            return numpy if numpy.known and not device.known else device
         machine = f"{platform.node()}, {all_processors()} processors, {backend}"
-        try:
-            entry = _content(_path())[machine]
-            ratios = {str(k): _number(v, *_LIMITS) for k, v in entry["ratios"].items()}
-            known = {str(k): _number(v, 1e-9, 1e9) for k, v in entry["known"].items()}
-            return Speed(machine, str(entry["adapter"]), ratios=ratios, known=known)
-        except _DAMAGED:
-            return Speed(machine)
-
-    def measured(self) -> Speed:
-        """This, after a look at who else works here now."""
-        self.busy = 1.0 + _others() / all_processors()
-        return self
+        return _read(_path()).get(machine, Speed(machine=machine))
 
     def seconds(self, work: Workload) -> float:
         """What this work takes here: what it took, or the reference cost times the ratio."""
-        known = self.known.get(work.signature)
-        if known is None:
-            plain = work.seconds - work.compiling
-            known = work.compiling + plain * self.ratios.get(work.kind, 1.0)
-        return self.busy * known
+        plain = work.seconds - work.compiling
+        guess = work.compiling + plain * self.ratios.get(work.kind, 1.0)
+        return self.known.get(work.signature, guess)
 
     def learn(self, done: Mapping[Workload, float], adapter: str) -> None:
-        """Take in the seconds that works took, less what others working here have cost."""
+        """Take in the seconds that works took."""
         if adapter and self.adapter and adapter != self.adapter:
             self.ratios, self.known = {}, {}
         self.adapter = adapter or self.adapter
-        alone = _share_had()
-        for work, wall in done.items():
-            seconds = alone * wall
+        for work, seconds in done.items():
             if not (math.isfinite(seconds) and seconds > 1e-9):
                 continue
             self.known.pop(work.signature, None)  # the latest are last
@@ -126,40 +101,15 @@ class Speed:
     def save(self) -> None:
         """Keep it, if that can be done."""
         path = _path()
-        if path is None:
-            return
-        try:
-            machines = _content(path)
-        except _DAMAGED:
-            machines = {}
-        machines[self.machine] = {
-            "adapter": self.adapter,
-            "ratios": self.ratios,
-            "known": {key: float(f"{value:.4g}") for key, value in self.known.items()},
-        }
-        with suppress(OSError, ValueError):
-            write_text(path, json.dumps({"version": _VERSION, "machines": machines}, indent=1))
+        if path is not None:
+            kept = _SpeedFile(version=3, machines=_read(path) | {self.machine: self})
+            with suppress(OSError, ValueError):
+                write_text(path, kept.model_dump_json(indent=1))
 
 
-def _share_had() -> float:
-    """Of the processors' time in the last minute, what a run had that uses them all."""
-    try:
-        return all_processors() / max(all_processors(), os.getloadavg()[0])
-    except (OSError, AttributeError):  # no such number on this system
-        return 1.0
-
-
-def _others() -> float:
-    """How many others want a processor now: a mean over a tenth of a second, 0 if unknown."""
-    found = []
-    for _ in range(10):
-        try:
-            running = Path("/proc/loadavg").read_text(encoding="ascii").split()[3]
-            found.append(max(int(running.split("/")[0]) - 1, 0))
-        except (OSError, ValueError, IndexError):
-            return 0.0
-        time.sleep(0.01)
-    return sum(found) / len(found)
+class _SpeedFile(BaseModel):
+    version: Literal[3]
+    machines: dict[str, Speed]
 
 
 def _path() -> Path | None:
@@ -167,22 +117,10 @@ def _path() -> Path | None:
     return None if folder is None else folder / "speed.json"
 
 
-def _content(path: Path | None) -> dict[str, Any]:
-    """Machines by name. Raises OSError, ValueError, KeyError or TypeError for no such file."""
-    if path is None:
-        raise FileNotFoundError
-    with open_cached(path, _MOST_BYTES) as stream:
-        content = json.loads(stream.read().decode())
-    if content["version"] != _VERSION:
-        raise ValueError
-    machines = content["machines"]
-    if not isinstance(machines, dict):
-        raise TypeError
-    return machines
-
-
-def _number(value: Any, low: float, high: float) -> float:
-    number = float(value)
-    if not low <= number <= high:
-        raise ValueError
-    return number
+def _read(path: Path | None) -> dict[str, Speed]:
+    """Machines by name; none of a file that isn't there, or isn't one of these."""
+    with suppress(OSError, ValueError):
+        if path is not None:
+            with open_cached(path, _MOST_BYTES) as stream:
+                return _SpeedFile.model_validate_json(stream.read()).machines
+    return {}

@@ -54,10 +54,10 @@ def plan_of(
 ) -> Plan:
     """A decision in words and figures; with variants stages are named ``<variant>/<stage>``, and
     their comparison comes last. ``made``: as `make_plan` has it."""
-    compiled: set[str] = set()  # by one process, once
     stages: list[PlannedStage] = []
     works: list[Workload] = []
     for place, state in decision.scenes.items():
+        compiled = any(stage.compiling for stage in stages)  # by one process, once
         plan = _ScenePlan(state, place, decision, speed, compiled, made=made).plan()
         prefix = f"{place.removeprefix('variants/')}/" if place else ""
         stages += plan.stages if not prefix else [
@@ -73,16 +73,14 @@ def plan_of(
         stages.append(PlannedStage("report", "run", "says what this run did", 0, 1.0, "report"))
         works = []
     warnings = tuple(plausibility.warnings(scene))
-    busy = 1.0 if speed is None else speed.busy
-    backend = decision.options.backend
-    return Plan(scene.name, backend, tuple(stages), warnings, tuple(works), busy)
+    return Plan(scene.name, decision.options.backend, tuple(stages), warnings, tuple(works))
 
 
 class _ScenePlan:
     """The plan of one scene of a decision."""
 
     def __init__(
-        self, scene: Scene, place: str, decision: Decision, speed: Speed | None, compiled: set[str],
+        self, scene: Scene, place: str, decision: Decision, speed: Speed | None, compiled: bool,
         *, made: Counts | None,
     ) -> None:  # fmt: skip
         self.scene, self.place, self.decision = scene, place, decision
@@ -155,25 +153,20 @@ class _ScenePlan:
     ) -> PlannedStage:
         """What a picture takes, and what it is, compilation included."""
         columns, rows = camera.resolution
-        compiling, words = self._compiling(camera)
+        compiling, words = self._compiling()
         total = seconds + compiling
         detail = f"{columns}x{rows} px, {stage.detail}, {what}{words}"
         return replace(stage, detail=detail, seconds=total, cost=total, compiling=compiling)
 
-    def _compiling(self, camera: CameraTable) -> tuple[float, str]:
-        """Seconds and words for the shaders that no image before this one has needed."""
-        if self.decision.options.backend == "numpy":
+    def _compiling(self) -> tuple[float, str]:
+        """Seconds and words for the shaders, of the first image that is drawn."""
+        options, store = self.decision.options, self.decision.store
+        if options.backend == "numpy" or self.compiled:
             return 0.0, ""
-        needed = cost_of.compiled_for(self.scene, camera)
-        seconds = sum(value for name, value in needed.items() if name not in self.compiled)
-        self.compiled.update(needed)
-        if not seconds:
-            return 0.0, ""
-        store = self.decision.store
-        drawn_here = self.speed is not None and bool(self.speed.adapter)
-        if drawn_here or (store is not None and store.begun):
-            return cost_of.KEPT * seconds, "; shaders are loaded"
-        return seconds, "; shaders are compiled, unless the driver has kept them"
+        self.compiled = True
+        kept = bool(self.speed and self.speed.adapter) or (store is not None and store.begun)
+        words = "loaded" if kept else "compiled, unless the driver has kept them"
+        return cost_of.compiling_seconds(self.scene, kept), f"; shaders are {words}"
 
     def _size(self) -> str:
         """What the time of any stage may depend on, in words."""

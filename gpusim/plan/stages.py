@@ -80,8 +80,7 @@ class PlannedStage:
 class Plan:
     """Every stage in the order of work, and what is doubtful about the scene.
 
-    ``works``: the same by kinds of work, for `gpusim.plan.machine_speed`; ``busy``: how much longer
-    than alone it takes beside what else runs on this machine now.
+    ``works``: the same by kinds of work, for `gpusim.plan.machine_speed`.
     """
 
     scene: str
@@ -89,7 +88,6 @@ class Plan:
     stages: tuple[PlannedStage, ...]
     warnings: tuple[str, ...] = ()
     works: tuple[Workload, ...] = ()
-    busy: float = 1.0
 
     def __getitem__(self, name: str) -> PlannedStage:
         """The stage of that name. Raises KeyError."""
@@ -116,7 +114,6 @@ class Plan:
             "scene": self.scene,
             "backend": self.backend,
             "seconds": round(self.seconds, 2),
-            "busy": round(self.busy, 2),
             "memory_bytes": self.memory_bytes,
             "stages": [{name: getattr(stage, name) for name in names} for stage in self.stages],
             "warnings": list(self.warnings),

@@ -18,69 +18,34 @@ In the order in which data passes:
   page.
 """
 
-from __future__ import annotations
+from gpusim.public_names import public_names as _public_names
+from gpusim.report.charts import Chart as Chart
+from gpusim.report.charts import draw_chart as draw_chart
+from gpusim.report.findings import BodyForce as BodyForce
+from gpusim.report.findings import Budget as Budget
+from gpusim.report.findings import BudgetRow as BudgetRow
+from gpusim.report.findings import Explanation as Explanation
+from gpusim.report.findings import FieldPicture as FieldPicture
+from gpusim.report.findings import LoadPath as LoadPath
+from gpusim.report.findings import LoadStepRow as LoadStepRow
+from gpusim.report.findings import Mechanics as Mechanics
+from gpusim.report.findings import MeshSummary as MeshSummary
+from gpusim.report.findings import PartSize as PartSize
+from gpusim.report.findings import Published as Published
+from gpusim.report.findings import StressPeak as StressPeak
+from gpusim.report.model import Drawing as Drawing
+from gpusim.report.model import Figure as Figure
+from gpusim.report.model import FramePair as FramePair
+from gpusim.report.model import Link as Link
+from gpusim.report.model import Measurement as Measurement
+from gpusim.report.model import Overlay as Overlay
+from gpusim.report.model import Report as Report
+from gpusim.report.model import Series as Series
+from gpusim.report.model import SolutionSummary as SolutionSummary
+from gpusim.report.model import Stage as Stage
+from gpusim.report.model import Table as Table
+from gpusim.report.write import ReportPaths as ReportPaths
+from gpusim.report.write import prepare_figures as prepare_figures
+from gpusim.report.write import write_report as write_report
 
-from gpusim.report.charts import Chart, draw_chart
-from gpusim.report.findings import (
-    BodyForce,
-    Budget,
-    BudgetRow,
-    Explanation,
-    FieldPicture,
-    LoadPath,
-    LoadStepRow,
-    Mechanics,
-    MeshSummary,
-    PartSize,
-    Published,
-    StressPeak,
-)
-from gpusim.report.model import (
-    Drawing,
-    Figure,
-    FramePair,
-    Link,
-    Measurement,
-    Overlay,
-    Report,
-    Series,
-    SolutionSummary,
-    Stage,
-    Table,
-)
-from gpusim.report.write import ReportPaths, prepare_figures, write_report
-
-__all__ = [
-    "BodyForce",
-    "Budget",
-    "BudgetRow",
-    "Chart",
-    "Drawing",
-    "Explanation",
-    "FieldPicture",
-    "Figure",
-    "FramePair",
-    "Link",
-    "LoadPath",
-    "LoadStepRow",
-    "Measurement",
-    "Mechanics",
-    "MeshSummary",
-    "Overlay",
-    "PartSize",
-    "Published",
-    "Report",
-    "ReportPaths",
-    "Series",
-    "SolutionSummary",
-    "Stage",
-    "StressPeak",
-    "Table",
-    "draw_chart",
-    "prepare_figures",
-    "write_report",
-]
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__all__, __getattr__, __dir__ = _public_names(__name__)

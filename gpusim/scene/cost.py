@@ -3,25 +3,22 @@
 How many nodes and elements a mesh recipe makes is counted without making it; of a CAD file only a
 mesh that was made knows, so that these counts are handed in. The rates are those of
 two CPU cores with a software Vulkan device; `gpusim.plan.machine_speed` knows how this machine
-compares. Shaders are compiled when they are first used, which takes longer than most images; the
-driver keeps them for later runs, at a quarter of the time.
+compares. All is meant to be right within a factor of two. Shaders are compiled when they are first
+used, which takes longer than most images; the driver keeps them for later runs.
 """
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil, log
 from pathlib import Path
 from typing import NamedTuple
 
-from gpusim.errors import InputError
-from gpusim.files.input_file import open_input
+from gpusim.files.input_file import file_stamp
 
 from .colored import in_color
 from .description.mesh import (
-    CAD_SUFFIXES,
     BeamMeshTable,
     BoxMeshTable,
     BracketMeshTable,
@@ -35,17 +32,11 @@ from .description.mesh import (
 from .description.model import CameraTable, MarkersTable, Paint, Vec3
 from .scene import Scene
 
-KEPT = 0.25
-"""Share of the time to compile a shader that it takes to load one that the driver has kept."""
-
 _SOLVER = {
     "auto": "direct or multigrid, whichever is quicker for the matrix",
     "direct": "direct",
     "multigrid": "multigrid",
 }
-# Seconds to compile what an image with this in it needs for the first time
-_COMPILE = {"drawing": 5.0, "light": 1.0, "shadows": 2.5, "gloss": 5.0, "bump": 0.5, "lens": 0.5,
-            "occlusion": 0.5}  # fmt: skip
 Cost = dict[str, tuple[int, float]]
 Counts = dict[MeshRecipe, tuple[int, int]]
 """Nodes and elements of meshes that were made of files."""
@@ -90,19 +81,10 @@ def effects(scene: Scene, camera: CameraTable) -> str:
     return ", ".join([*words, *scene.sensor_of(camera.name).words(), *camera.color_words()])
 
 
-def compiled_for(scene: Scene, camera: CameraTable) -> dict[str, float]:
-    """What the images of a camera need compiled, and the seconds that each takes the first time."""
-    paints = _paints(scene)
-    has = {
-        "drawing": True,
-        "light": bool(scene.lights),
-        "shadows": any(getattr(light, "shadows", False) for light in scene.lights),
-        "gloss": bool(scene.lights) and any(paint.roughness < 1.0 for paint in paints),
-        "bump": bool(scene.lights) and any(paint.bump for paint in paints),
-        "lens": camera.lens is not None,
-        "occlusion": any(getattr(light, "occlusion", False) for light in scene.lights),
-    }
-    return {name: _COMPILE[name] for name, there in has.items() if there}
+def compiling_seconds(scene: Scene, kept: bool) -> float:
+    """Of the shaders of the first picture; a quarter of it if the driver has ``kept`` them."""
+    first = 12.0 if scene.lights else 5.5
+    return 0.25 * first if kept else first
 
 
 def _per_image(scene: Scene) -> tuple[float, float]:
@@ -197,7 +179,7 @@ def _solutions(scene: Scene) -> tuple[str, float]:
 
 
 _GROWTH = 0.25  # of the element size with the distance from a notch, as the builder has it
-_BYTES_PER_NODE = 150  # of a mesh file, roughly
+_BYTES_PER_NODE = 100  # of a mesh file with its elements, roughly
 
 
 class _Nodes(NamedTuple):
@@ -234,14 +216,13 @@ class _Plane:
 
 def element_counts(recipe: MeshRecipe, made: Counts | None = None) -> tuple[int, int]:
     """Nodes and elements that a recipe makes: to within rounding for builders, not less what
-    notches cut away; of a file that isn't ``made``, a guess from the size where its head doesn't
-    say, and 0 for CAD."""
+    notches cut away; of a file that isn't ``made`` a guess from its size, and 0 for CAD."""
     if made and recipe in made:
         return made[recipe]
-    if isinstance(recipe, FileMeshTable):
-        return _file_counts(Path(recipe.path), recipe.order)
-    if isinstance(recipe, FieldMeshTable):
-        return _file_counts(Path(recipe.path), 1)
+    if isinstance(recipe, FileMeshTable | FieldMeshTable):
+        cad = isinstance(recipe, FileMeshTable) and recipe.is_cad
+        nodes = 0 if cad else _file_bytes(recipe) // _BYTES_PER_NODE
+        return nodes, nodes
     plane, layers = _plane(recipe)
     across = plane.cells * (layers + 1)  # faces that layers lie on
     kind = _BUILT_NODES[recipe.cells]
@@ -266,7 +247,13 @@ def mesh_words(recipe: MeshRecipe, made: Counts | None = None) -> str:
         return f"{name}, {counted}"
     if isinstance(recipe, FileMeshTable) and recipe.size is not None:
         return f"{name}, to be meshed with elements up to {recipe.size * 1e3:g} mm"
-    return f"{name}, about {nodes:,} nodes"
+    return f"{name}, {_file_bytes(recipe) / 1e6:.2g} MB"
+
+
+def _file_bytes(recipe: FileMeshTable | FieldMeshTable) -> int:
+    """0 for a file that isn't there, which is told elsewhere."""
+    stamp = file_stamp(recipe.path)
+    return stamp[1] if stamp else 0
 
 
 def _plane(recipe: MeshRecipe) -> tuple[_Plane, int]:
@@ -349,29 +336,6 @@ def _graded(
         flat = (end - start) - (2.0 * top - first - last) / _GROWTH
         total += max(1, ceil(grown / _GROWTH + max(0.0, flat) / top - 1e-9))
     return total
-
-
-def _file_counts(path: Path, order: int) -> tuple[int, int]:
-    if path.suffix.lower() in CAD_SUFFIXES:
-        return 0, 0
-    try:
-        with open_input(path) as stream:
-            head, size = stream.read(1 << 16), path.stat().st_size
-    except (OSError, InputError):
-        return 0, 0
-    nodes = size // _BYTES_PER_NODE
-    # Gmsh 4.1, Gmsh 2.2, VTU, FRD: the counts stand near the beginning of most files
-    for pattern in (
-        rb"\$Nodes\r?\n\d+ (\d+) \d+ \d+",
-        rb"\$Nodes\r?\n(\d+)\r?\n",
-        rb"NumberOfPoints=\"(\d+)\"",
-        rb"\n    2C +(\d+)",
-    ):
-        if found := re.search(pattern, head):
-            nodes = int(found.group(1))
-            break
-    factor = 5 if order == 2 else 1  # between bricks (4) and tetrahedra (6)
-    return factor * nodes, nodes
 
 
 def extent(recipe: MeshRecipe) -> Vec3 | None:

@@ -28,6 +28,7 @@ FOUNDATION = {
     "interrupts",
     "parallel",
     "printable",
+    "public_names",
     "validation",
 }
 ALLOWED: dict[str, set[str]] = {

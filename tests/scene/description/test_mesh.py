@@ -137,7 +137,10 @@ def test_a_file_beside_the_scene(folder: Path) -> None:
     second = build_mesh(scene_of({"file": "brick.vtu", "order": 2}, folder).bodies[0].mesh)
     assert second.cells["hex20"].shape == (8, 20)
     assert make_plan(scene)["surface"].state == "skipped"
-    assert mesh_words(scene.bodies[0].mesh) == "brick.vtu, about 30 nodes"
+    assert (
+        mesh_words(scene.bodies[0].mesh)
+        == f"brick.vtu, {(folder / 'brick.vtu').stat().st_size / 1e6:.2g} MB"
+    )
     # what was resolved finds its file from anywhere
     assert Scene.from_document(scene.document) == scene
     assert scene.replace("name", "other").files == scene.files
@@ -195,7 +198,7 @@ def test_groups_of_a_file_are_selections(tmp_path: Path) -> None:
     write_two_boxes(tmp_path / "two.msh")
     paint = {"name": "end", "type": "plain", "albedo": 0.1, "where": {"set": "clamp"}}
     scene = scene_of({"file": "two.msh"}, tmp_path, paint=[*SCENE["body"][0]["paint"], paint])
-    assert mesh_words(scene.bodies[0].mesh).startswith("two.msh, about ")
+    assert mesh_words(scene.bodies[0].mesh).startswith("two.msh, 0.0")
     parts = build_body(scene.bodies[0])
     painted = parts.surface.regions == 2
     assert painted.sum() == len(parts.mesh.face_sets["clamp"])

@@ -13,7 +13,7 @@ import gpusim as gs
 from gpusim.errors import SceneError
 from gpusim.pipeline.scene_objects.surfaces import build_body, build_prop
 from gpusim.scene import Scene
-from gpusim.scene.cost import compiled_for, describe
+from gpusim.scene.cost import describe
 from gpusim.scene.description.paint import Paint, PaintTable
 
 HEAD = """
@@ -158,7 +158,6 @@ def test_plan_says_that_there_is_a_relief(tmp_path: Path) -> None:
     for more, there in (("", False), ("bump_um = 1.0\n", True)):
         scene = load(tmp_path, plate(f'type = "plain"\n{more}') + lamp)
         assert ("fine relief" in describe(scene)["render"]) == there
-        assert ("bump" in compiled_for(scene, scene.cameras[0])) == there
 
 
 def test_a_picture_comes_from_beside_the_scene(tmp_path: Path) -> None:
