@@ -34,7 +34,7 @@ hostile: setup
 check: setup
 	.venv/bin/ruff format --check
 	.venv/bin/ruff check
-	.venv/bin/mypy
+	.venv/bin/mypy --num-workers 2
 	$(MAKE) test
 
 bench:

@@ -5,7 +5,7 @@
 #   scripts/setup.sh dev    also Gmsh, pytest, ruff and mypy
 #
 # Missing system packages (Python's venv module, a Vulkan driver) are installed with apt-get, and
-# only if they are missing. PYTHON=... picks the interpreter. A second run costs seconds.
+# only if they are missing. PYTHON=... picks the interpreter. A second run costs a second.
 set -eu
 cd "$(dirname "$0")/.."
 flavour=${1:-run}
@@ -79,6 +79,8 @@ PYTHON
 
 # What is installed is remembered, so that a second run needs no network.
 wanted="$flavour $(cat pyproject.toml constraints.txt | cksum)"
+sources=$(find gpusim shaders examples pyproject.toml README.md LICENSE -type f ! -name '*.pyc' |
+    LC_ALL=C sort | xargs cksum | cksum)
 if ! grep -qxF "$wanted" "$venv/.installed" 2>/dev/null; then
     say "installing Python packages into $venv (once; about 300 MB)"
     # The build backend first: the package itself is then built without another download.
@@ -86,12 +88,19 @@ if ! grep -qxF "$wanted" "$venv/.installed" 2>/dev/null; then
     extra=
     [ "$flavour" = run ] || extra="[$flavour,cad]"
     # two packages with OpenCV in them share a folder: the one of earlier versions goes first
-    "$venv/bin/python" -m pip uninstall -q -y opencv-python-headless 2>/dev/null
+    "$venv/bin/python" -m pip uninstall -q -y opencv-python-headless gpusim 2>/dev/null
     "$venv/bin/python" -m pip install -q -c constraints.txt --no-build-isolation ".$extra"
     # The larger set holds the smaller one, so that `make demo` after `make test` installs nothing.
     { echo "$wanted"; echo "run ${wanted#* }"; } >"$venv/.installed"
+    echo "$sources" >"$venv/.sources"
 fi
-"$venv/bin/python" -m pip install -q --no-deps --no-build-isolation --force-reinstall .
+# gpusim itself goes in anew only if a file of its wheel has changed.
+if ! grep -qxF "$sources" "$venv/.sources" 2>/dev/null ||
+    ! ls "$venv"/lib/python*/site-packages/gpusim/__init__.py >/dev/null 2>&1; then
+    rm -f "$venv/.sources"
+    "$venv/bin/python" -m pip install -q --no-deps --no-build-isolation --force-reinstall .
+    echo "$sources" >"$venv/.sources"
+fi
 
 if ! adapters >/dev/null; then
     say "no Vulkan adapter found: installing Mesa's drivers (lavapipe runs on the CPU)"

@@ -23,11 +23,7 @@ import gpusim
 from gpusim._version import __version__
 from gpusim.gpu import Device, default_device
 from gpusim.gpu.context import DeviceContext
-from gpusim.report import write
-from gpusim.report.html import SECTIONS
-from gpusim.report.model import Figure
-
-_DRAW = write._draw
+from tests.support.report_figures import draw_figures
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -63,14 +59,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Figures of reports take a third of the time of a small run: they are drawn where a test looks
-    at them (before fixtures of a module, as those run scenes too)."""
-    drawn = item.get_closest_marker("drawn") is not None
-    write._draw = _DRAW if drawn else _no_figures  # type: ignore[assignment]
-
-
-def _no_figures(*_: object) -> dict[str, list[Figure]]:
-    return {name: [] for name in SECTIONS}
+    """Before fixtures of a module, as those run scenes too."""
+    draw_figures(item.get_closest_marker("drawn") is not None)
 
 
 def pytest_report_header() -> str:

@@ -18,33 +18,17 @@ import pytest
 
 from gpusim.files.atomic_files import clean_leftovers
 from gpusim.graph.log import read_log
-from gpusim.graph.stage import digest, every, same
+from gpusim.graph.stage import digest
 from gpusim.graph.store import Store
-from tests.graph.toy_stages import ToyRun, stage
+from tests.graph.toy_stages import FRAMES, ToyRun, framed, run_frames
 
 _context = multiprocessing.get_context("forkserver")
 _context.set_forkserver_preload(["tests.graph.toy_stages"])
-FRAMES = 30
 KEY, OTHER, THIRD = (digest(number) for number in range(3))
 
 
-def scene(seed: int, seconds: float = 0.01) -> list[Any]:
-    """Of which two with different seeds share all but the last stage."""
-    return [
-        stage("solve", "slow", 3 * seconds, on_device=True),
-        stage("radiance", "slow", seconds, rows=range(FRAMES), on_device=True,
-              needs={"solve": every}),
-        stage("truth", "slow", seconds, rows=range(5)),
-        stage("picture", argument=seed, rows=range(FRAMES), needs={"radiance": same}),
-    ]  # fmt: skip
-
-
-def worker(seed: int, out: str, store: str) -> None:
-    ToyRun(scene(seed), Path(out), Path(store)).work()
-
-
 def begun(seed: int, out: Path, store: Path) -> Any:
-    process = _context.Process(target=worker, args=(seed, str(out), str(store)))
+    process = _context.Process(target=run_frames, args=(seed, out, store))
     process.start()
     return process
 
@@ -74,9 +58,9 @@ def test_two_at_once_make_each_result_once(tmp_path: Path) -> None:
     blobs = [path for path in (store / "blobs").rglob("*") if path.is_file()]
     assert len(blobs) == 1 + FRAMES + 5 + 2 * FRAMES
     for seed in (1, 2):
-        alone = ToyRun(scene(seed, 0.01), tmp_path / f"alone{seed}")
+        alone = ToyRun(framed(seed, 0.01), tmp_path / f"alone{seed}")
         alone.work()
-        shown = ToyRun(scene(seed, 0.01), tmp_path / str(seed), store)
+        shown = ToyRun(framed(seed, 0.01), tmp_path / str(seed), store)
         assert shown.graph.order() == [] and shown.files == alone.files
 
 
@@ -105,31 +89,32 @@ def test_one_of_two_is_killed(tmp_path: Path, number: int) -> None:
     pair[0].kill()
     pair[1].join(60)
     assert pair[1].exitcode == 0
-    again = ToyRun(scene(1), tmp_path / "1", store)
+    again = ToyRun(framed(1), tmp_path / "1", store)
     known = {task.key for task in again.graph.tasks.values() if task.state == "reused"}
     again.store.clean()
     again.work()
     assert "solve" not in again.counted and "radiance" not in again.counted  # the other's
     assert all(task.key not in known for task in again.graph.order())
     for seed in (1, 2):
-        alone = ToyRun(scene(seed), tmp_path / f"alone{seed}").work()
-        shown = ToyRun(scene(seed), tmp_path / str(seed), store)
+        alone = ToyRun(framed(seed), tmp_path / f"alone{seed}").work()
+        shown = ToyRun(framed(seed), tmp_path / str(seed), store)
         assert shown.graph.order() == [] and shown.files == alone.files
 
 
 def test_killed_at_any_moment_and_continued(tmp_path: Path) -> None:
     """Ten times: the same files, and nothing is made twice that was recorded."""
     chance = random.Random(34)
-    whole = ToyRun(scene(1), tmp_path / "whole").work()
+    whole = ToyRun(framed(1), tmp_path / "whole").work()
     killed = 0
     for number in range(30):
-        if killed == 10:
+        if killed >= 10:
             break
         out, store = tmp_path / f"out{number}", tmp_path / f"store{number}"
         recorded: set[str] = set()
         for _ in range(chance.choice((1, 2, 4))):
+            before = {*store.glob("log/*")}
             process = begun(1, out, store)
-            while not list(store.glob("log/*")) and process.is_alive():
+            while before == {*store.glob("log/*")} and process.is_alive():
                 time.sleep(0.002)
             time.sleep(chance.uniform(0.0, 0.5))
             with suppress(ProcessLookupError):  # it was quicker
@@ -139,7 +124,7 @@ def test_killed_at_any_moment_and_continued(tmp_path: Path) -> None:
             found = Store(store)
             assert recorded <= {key for key in found._records}
             recorded = set(found._records)
-        last = ToyRun(scene(1), out, store)
+        last = ToyRun(framed(1), out, store)
         assert {task.key for task in last.graph.order()}.isdisjoint(recorded)
         last.store.clean()
         clean_leftovers(out)  # as runs do

@@ -13,10 +13,12 @@ from gpusim.graph.folder import INNER, Folder
 from gpusim.graph.graph import Graph, Task
 from gpusim.graph.runner import Inputs, Runner
 from gpusim.graph.session import Session
-from gpusim.graph.stage import Stage, StageResult, digest
+from gpusim.graph.stage import Stage, StageResult, digest, every, same
 from gpusim.graph.store import Store
 
-__all__ = ["ToyRun", "stage"]
+__all__ = ["FRAMES", "ToyRun", "framed", "run_frames", "stage"]
+
+FRAMES = 30
 
 Scenes = Mapping[str, Sequence[Stage]]
 
@@ -162,3 +164,20 @@ class ToyRun:
             for path in sorted(self.out.rglob("*"))
             if path.is_file() and INNER not in path.parts
         }
+
+
+def framed(seed: int, seconds: float = 0.01) -> list[Stage]:
+    """Of which two with different seeds share all but the last stage."""
+    return [
+        stage("solve", "slow", 3 * seconds, on_device=True),
+        stage("radiance", "slow", seconds, rows=range(FRAMES), on_device=True,
+              needs={"solve": every}),
+        stage("truth", "slow", seconds, rows=range(5)),
+        stage("picture", argument=seed, rows=range(FRAMES), needs={"radiance": same}),
+    ]  # fmt: skip
+
+
+def run_frames(seed: int, out: Path, store: Path) -> None:
+    """What another process does. It imports the module that this is in, and one of tests would
+    bring pytest along."""
+    ToyRun(framed(seed), out, store).work()

@@ -18,9 +18,8 @@ from gpusim.pipeline.measurements.marker_measurement import MarkerResult
 from gpusim.pipeline.measurements.results import PointTable
 from gpusim.pipeline.scene_objects.surfaces import build_body
 from tests.support.documented_tables import documented_columns, head
+from tests.support.report_figures import figures_drawn
 from tests.support.small_scene import small_scene
-
-pytestmark = pytest.mark.drawn
 
 FACTORS = (0.0, -0.5, 0.4, 1.0)
 
@@ -29,7 +28,8 @@ FACTORS = (0.0, -0.5, 0.4, 1.0)
 def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[gs.Report, Path]:
     out = tmp_path_factory.mktemp("frames") / "out"
     scene = small_scene(analysis={"load_factors": list(FACTORS)}, output={})
-    return gs.run(scene, out, backend="numpy"), out
+    with figures_drawn():
+        return gs.run(scene, out, backend="numpy"), out
 
 
 @pytest.fixture(scope="module")

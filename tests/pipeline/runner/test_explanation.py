@@ -15,11 +15,10 @@ from gpusim.cli import app
 from gpusim.errors import InputError
 from gpusim.pipeline.measurements.dic import FullFieldResult
 from gpusim.pipeline.scene_objects.cameras import build_camera
+from tests.support.report_figures import figures_drawn
 from tests.support.shifted_plate import shifted_plate
 from tests.support.small_scene import small_scene
 from tests.support.speckled_plate import speckled_plate
-
-pytestmark = pytest.mark.drawn
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +30,8 @@ def nearer(tmp_path_factory: pytest.TempPathFactory) -> tuple[gs.Report, Path]:
     psf = {"psf": {"type": "gaussian", "sigma_px": 0.7}}
     changes = {"camera.left.distortion": [-0.2, 0.05, 0.0, 0.0], "camera.left.lens": psf}
     scene = shifted_plate((3.0, 0.0, 1.0), measure, sensor=sensor, **changes)
-    return gs.explain(scene, out), out
+    with figures_drawn():
+        return gs.explain(scene, out), out
 
 
 def maps(out: Path) -> dict[str, np.ndarray]:

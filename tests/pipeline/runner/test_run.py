@@ -19,8 +19,7 @@ import gpusim as gs
 from gpusim.export.images import read_image
 from gpusim.pipeline import run
 from tests.support.documented_tables import documented_columns, head
-
-pytestmark = pytest.mark.drawn
+from tests.support.report_figures import figures_drawn
 
 SMALL = {
     "camera.side.resolution_px": [900, 360],
@@ -39,7 +38,8 @@ def scene(checkout: Path) -> gs.Scene:
 @pytest.fixture(scope="module")
 def done(scene: gs.Scene, tmp_path_factory: pytest.TempPathFactory) -> tuple[gs.Report, Path]:
     out = tmp_path_factory.mktemp("run") / "bar"
-    return run(scene, out), out
+    with figures_drawn():
+        return run(scene, out), out
 
 
 def states(report: gs.Report) -> dict[str, str]:
@@ -192,6 +192,7 @@ def test_without_shortcuts_nothing_is_reused(done: tuple[gs.Report, Path], scene
     assert "reused" not in states(run(scene, copy, skip=False)).values()
 
 
+@pytest.mark.drawn
 def test_overexposed_markers_are_warned_of(scene: gs.Scene, tmp_path: Path) -> None:
     plain = scene.replace("output.truth", []).replace("output.vtu", False)
     right = run(plain, tmp_path / "right")

@@ -15,9 +15,8 @@ from gpusim.export.images import read_image
 from gpusim.gpu import Device
 from gpusim.plan.decision import decide, states_of
 from gpusim.plan.stages import RunOptions
+from tests.support.report_figures import figures_drawn
 from tests.support.small_scene import DOCUMENT, small_scene
-
-pytestmark = pytest.mark.drawn
 
 FACTORS = [0.0, 0.25, 0.5, 1.0]
 
@@ -37,7 +36,8 @@ def will_draw(scene: gs.Scene, out: Path) -> bool:
 @pytest.fixture(scope="module")
 def done(device: Device, tmp_path_factory: pytest.TempPathFactory) -> tuple[gs.Report, Path]:
     out = tmp_path_factory.mktemp("fields")
-    return gs.run(plain(), out, backend="gpu"), out
+    with figures_drawn():
+        return gs.run(plain(), out, backend="gpu"), out
 
 
 def test_pictures_and_their_numbers(done: tuple[gs.Report, Path]) -> None:

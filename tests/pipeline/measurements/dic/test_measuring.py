@@ -22,10 +22,9 @@ from gpusim.pipeline.measurements.dic import FullFieldResult
 from gpusim.pipeline.measurements.dic.statistics import scores
 from gpusim.pipeline.measurements.results import rms
 from gpusim.plan.plan import make_plan
+from tests.support.report_figures import figures_drawn
 from tests.support.shifted_plate import shifted_plate
 from tests.support.speckled_plate import speckled_plate
-
-pytestmark = pytest.mark.drawn
 
 PAIR = {"cameras": ["left", "right"], "lens": "pinhole"}
 MEASURES: tuple[dict[str, Any], ...] = (
@@ -42,7 +41,8 @@ Get = Callable[[int], FullFieldResult]
 @pytest.fixture(scope="module")
 def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[gs.Report, Path]:
     out = tmp_path_factory.mktemp("dic") / "out"
-    return gs.run(speckled_plate(*MEASURES, sensor=NOISE), out), out
+    with figures_drawn():
+        return gs.run(speckled_plate(*MEASURES, sensor=NOISE), out), out
 
 
 @pytest.fixture
@@ -143,6 +143,7 @@ def test_a_frame_at_rest_tells_the_noise(tmp_path: Path) -> None:
     assert still == told["field0: RMS error in the picture"] > 1e-3
 
 
+@pytest.mark.drawn
 def test_settings_are_chosen_from_the_picture(tmp_path: Path) -> None:
     scene = speckled_plate(
         {"camera": "left", "settings": "best", "subset_px": 31, "step_px": 10},
@@ -197,6 +198,7 @@ def test_too_few_points_are_told_before_any_work(
         geometry_warnings(build_objects(scene))
 
 
+@pytest.mark.drawn
 def test_one_point_is_enough_without_strains(tmp_path: Path) -> None:
     roi = {"polygon_px": [[60, 30], [80, 30], [80, 50], [60, 50]]}
     table = {"camera": "left", "subset_px": 9, "step_px": 100, "roi": roi, "strain": "none",
@@ -249,6 +251,7 @@ def test_advice_needs_a_large_region(tmp_path: Path) -> None:
         gs.run(scene, tmp_path)
 
 
+@pytest.mark.drawn
 def test_a_blank_surface_is_told(tmp_path: Path) -> None:
     body = copy.deepcopy(speckled_plate().document["body"])
     body[0]["paint"] = [{"name": "plain", "type": "plain", "albedo": 0.5}]

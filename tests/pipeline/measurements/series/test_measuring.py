@@ -18,9 +18,8 @@ from gpusim.pipeline.measurements.material_points import TrueMotion
 from gpusim.pipeline.measurements.series.extensometer import _ends
 from gpusim.pipeline.measurements.series.placing import ReferencePicture
 from gpusim.pipeline.measurements.series.result import SeriesResult
+from tests.support.report_figures import figures_drawn
 from tests.support.speckled_plate import DOCUMENT
-
-pytestmark = pytest.mark.drawn
 
 STRAINS = np.array([0.0, 1e-3, 4e-3])
 """Of the frames, along x; across -0.3 times that."""
@@ -85,10 +84,11 @@ def words() -> dict[str, str]:
 @pytest.fixture(scope="module")
 def done(tmp_path_factory: pytest.TempPathFactory, words: dict[str, str]) -> tuple[gs.Report, Path]:
     folder = tmp_path_factory.mktemp("series")
-    report = gs.run(
-        sheet(folder, MEASURES), folder / "out",
-        progress=lambda stage, _, text: words.update({stage: text}),
-    )  # fmt: skip
+    with figures_drawn():
+        report = gs.run(
+            sheet(folder, MEASURES), folder / "out",
+            progress=lambda stage, _, text: words.update({stage: text}),
+        )  # fmt: skip
     return report, folder / "out"
 
 
@@ -234,6 +234,7 @@ def test_what_the_report_says(done: tuple[gs.Report, Path], found: Get) -> None:
     assert "points: tracked subsets" in page and "line: u along the line" in page
 
 
+@pytest.mark.drawn
 def test_a_pair_reads_the_material(tmp_path: Path) -> None:
     """Nominal stress far from the hole; both ends of an extensometer over it."""
     common = {"cameras": ["left", "right"], "lens": "pinhole", "subset_px": 21}

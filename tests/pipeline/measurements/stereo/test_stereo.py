@@ -16,8 +16,7 @@ from gpusim.pipeline import run
 from gpusim.pipeline.measurements.marker_tracking import FirstPicture
 from gpusim.pipeline.measurements.stereo import StereoResult
 from tests.support.documented_tables import documented_columns, head
-
-pytestmark = pytest.mark.drawn
+from tests.support.report_figures import figures_drawn
 
 LENS = {"sensor_mm": [36.0, 24.0], "resolution_px": [1050, 700], "focal_mm": 50.0}
 TILTS = ([20, 5, -25], [-25, -10, 15], [15, 12, 28], [-18, 0, -20], [28, -8, 5], [-10, 15, 30])
@@ -62,7 +61,8 @@ def done(
     checkout: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[gs.Scene, gs.Report, Path]:
     scene, out = scene_of(checkout), tmp_path_factory.mktemp("stereo") / "out"
-    return scene, run(scene, out), out
+    with figures_drawn():
+        return scene, run(scene, out), out
 
 
 def test_displacement_in_space(done: tuple[gs.Scene, gs.Report, Path]) -> None:
