@@ -10,12 +10,13 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
-from gpusim.fem.assembly.geometric_stiffness import geometric_stiffness
+from gpusim.fem.assembly.geometric_stiffness import GeometricStiffness
 from gpusim.fem.eigenvalues.davidson import Pencil, davidson
 from gpusim.fem.eigenvalues.rayleigh_quotients import AIM, sharpened
 from gpusim.fem.linear.shifted_solver import definite_solver
 from gpusim.fem.linear.solve_plan import METHODS, Clock, Options
 from gpusim.fem.model.buckling import Buckling
+from gpusim.fem.model.mass import scalar_matrix
 from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.model.solution import Solution
 from gpusim.fem.procedures.statics import Tolerance, solve
@@ -95,7 +96,9 @@ def buckling(
 
 def _found(model: Model, solution: Solution, count: int, options: Options) -> Buckling:
     equation = EquationOfMotion.of(model, options.formulation, None)
-    stress = geometric_stiffness(model, options.formulation, solution.u.reshape(-1, 3))
+    u = solution.u.reshape(-1, 3)
+    of_cells = GeometricStiffness(model, options.formulation, u, np.ones(1))
+    stress = scalar_matrix(model.mesh, of_cells.at)
     order = equation.inside(np.arange(solution.u.size, dtype=np.float64).reshape(1, -1, 3))
     inside = order[0, :, 0].astype(np.int64) // 3
     stress = stress[inside][:, inside]
