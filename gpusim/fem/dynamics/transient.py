@@ -134,6 +134,7 @@ def transient(
         if method == "modal":
             found = modes(model, count, formulation=names, mass=mass)
             fields = superposed(modal_superposition(problem, found, damping, options), at, file)
+            fields["unknowns"] = found.unknowns
         else:
             scheme = Scheme.named(method, spectral_radius)
             rayleigh = damping if isinstance(damping, Rayleigh) else Rayleigh()
@@ -241,7 +242,9 @@ def integrated(
         "of gs.transient also step='adaptive') resolves more of the motion"
     )
     warnings = () if worst <= _WARNED_ERROR else (told,)
-    return {**written(fields, file), "message": message, "warnings": warnings}
+    unknowns = int(motion.equation.unknown.sum())
+    how = {"message": message, "warnings": warnings, "unknowns": unknowns}
+    return written(fields, file) | how
 
 
 def _keep(

@@ -16,6 +16,7 @@ from gpusim.fem.eigenvalues.rayleigh_quotients import AIM, rayleigh_ritz, sharpe
 from gpusim.fem.eigenvalues.rigid_body_modes import RigidBodyModes, rigid_body_modes
 from gpusim.fem.linear.shifted_solver import ShiftedSolver, definite_solver, with_factors
 from gpusim.fem.linear.solve_plan import METHODS, Clock, Options
+from gpusim.fem.model.elimination import solved_for
 from gpusim.fem.model.mass import MASS_RULES
 from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.model.modes import Modes
@@ -93,13 +94,12 @@ def modes(
     keep_freed_memory()
     names, clock = resolve_formulation(model, formulation), Clock()
     options = Options(method, None, "numpy", tolerance, None, None, progress, names, clock)
+    check_count(model, count if limits is None else 1, "modes")
     with one_blas_thread():
         equation = _equation(model, names, mass, prestress)
         clock.mark("assembly")
         rigid = rigid_body_modes(equation)
-        unknowns = int(equation.unknown.sum())
-        most = int(count) if limits is None else min(int(count), unknowns)
-        require(most <= unknowns, "modes: count", count, f"at most {unknowns}, the unknowns")
+        most = min(int(count), int(equation.unknown.sum()))
         try:
             search = _Search(equation, rigid, options)
         except NotConverged as error:
@@ -113,6 +113,12 @@ def modes(
         if limits is not None:
             found = search.up_to((2.0 * np.pi * limits[1]) ** 2, found)
         return _result(search, found, limits, int(count))
+
+
+def check_count(model: Model, count: int, what: str) -> None:
+    """Raises InputError, naming ``what``, for more modes than a model has unknowns."""
+    unknowns = int(solved_for(model).sum())
+    require(count <= unknowns, f"{what}: count", count, f"at most {unknowns}, the unknowns")
 
 
 def _limits(band: tuple[float, float]) -> Float:
@@ -260,8 +266,8 @@ def _result(search: _Search, found: _Elastic, limits: Float | None, count: int) 
         rigid=tuple(np.array(names)[chosen[: len(names)]].tolist()),
         unknowns=int(equation.unknown.sum()),
         steps=found.steps,
+        below=int(np.argmax(chosen)),
         message="converged" if converged else message,
-        warnings=(),
         timings=options.clock.timings,
         method="direct" if search.solver.exact else "multigrid",
         reasons=search.solver.plan.lines,
