@@ -31,7 +31,6 @@ from gpusim.fem.assembly.system import (
     scaled_system,
 )
 from gpusim.fem.elements.element_response import Want
-from gpusim.fem.model.dead_loads import with_dead_loads
 from gpusim.fem.model.elimination import Elimination, eliminate
 from gpusim.fem.model.mass import ElementMass, check_densities, scalar_mass
 from gpusim.fem.model.model import Model
@@ -193,7 +192,6 @@ def _equation_of_motion(
     numbering = Numbering.of(model) if lattice is None else None
     inside = model if numbering is None else numbering.renumbered(model)
     if solution is None:
-        inside = with_dead_loads(inside, formulation)
         assembled = assemble(inside, formulation, lattice)
         system, points = make_system(inside, assembled), inside.mesh.points
     else:

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from gpusim.arrays.array_types import Complex, Float
-from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
 from gpusim.fem.dynamics.modal_basis import ModalBasis, check_modes
-from gpusim.fem.eigenvalues.modes import check_count
+from gpusim.fem.eigenvalues.modes import check_count, equation_about
 from gpusim.fem.eigenvalues.modes import modes as modes_of
 from gpusim.fem.linear.solve_plan import Clock, Options
 from gpusim.fem.model.dead_loads import with_dead_loads
@@ -39,11 +38,7 @@ def forced_vibration(
     where it accelerates by ``base`` (3,), at frequencies up to the ``highest``, Hz; see
     `gpusim.harmonic`."""
     check_still(model, "harmonic")
-    for name, one, kind in (("modes", modes, Modes), ("prestress", prestress, Solution)):
-        fits = one is None or isinstance(one, kind)
-        require(fits, f"harmonic: {name}", repr(one), f"{kind.__name__}, or None")
-    same = prestress is None or prestress.model is model
-    require(same, "harmonic: prestress", "one of another model", "a Solution of this model")
+    require(isinstance(modes, Modes | None), "harmonic: modes", repr(modes), "Modes, or None")
     if modes is None:
         check_count(model, count, "harmonic")
     else:
@@ -57,10 +52,7 @@ def forced_vibration(
     if base is not None:
         weights = np.append(weights, complex_numbers(base, "harmonic: base", 3))
         cases = np.concatenate([cases, inertia_forces(model, names, mass)])
-    if prestress is None:
-        equation = EquationOfMotion.of(model, names, mass)
-    else:
-        equation = EquationOfMotion.at(prestress, names, mass)
+    equation = equation_about(prestress, model, names, mass, "harmonic")
     load = weights @ equation.forces(cases)
     require(bool(load.any()), "harmonic: loads", "none", "forces, or a base that accelerates")
     if modes is None:

@@ -109,7 +109,7 @@ def drifts(model: Model, ground: Record) -> Iterator[str]:
     swing = np.abs(path(lapse) - lapse[:, None] / lapse[-1] * along).max(axis=0)
     for axis in np.flatnonzero(np.abs(along) > _AWAY * swing):
         yield (
-            f"the ground of base goes away along {'xyz'[axis]}, by {along[axis]:.3g} until the end: "
+            f"the ground of base goes away along {'xyz'[axis]}, by {along[axis]:.3g} in all: "
             f"it has a mean velocity of {along[axis] / lapse[-1]:.3g} (is its record without a "
             "baseline correction?)"
         )

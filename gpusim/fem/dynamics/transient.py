@@ -248,8 +248,8 @@ def integrated(
         "more of the motion"
         for text, poor in (
             (f"a step is {worst:.1%} of the greatest displacement off", worst > _WARNED_ERROR),
-            (f"vibration at {phase.frequency:.3g} Hz, as it is in the mean, lags by {phase.cycles:.1%} "
-             "of a cycle at the end", phase.cycles > _WARNED_LAG),
+            (f"vibration at {phase.frequency:.3g} Hz, the mean, lags by {phase.cycles:.1%} of a "
+             "cycle at the end", phase.cycles > _WARNED_LAG),
         )
         if poor
     ]  # fmt: skip

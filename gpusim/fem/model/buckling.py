@@ -16,9 +16,9 @@ class Buckling(Computation):
     factors : (n,) times the load, the lowest positive ones first; fewer than asked for where there
         are no more.
     shapes : (n,N,3), each with a greatest displacement of 1.
-    reversed_factor : negative: the load the other way around buckles the body at this factor or
-        before, perhaps at half of it: a bound that came for nothing; -inf where none did. Reverse
-        the load to know.
+    reversed_factor : negative: the greatest one of the load the other way around, as exact as the
+        others where it may be less than the lowest of these; else a bound that came for nothing: at
+        it or before, perhaps at half of it. -inf where none was seen.
     error_estimate : (n,) estimated relative error of the factors as the mesh has them.
     solution : linear statics under the load itself.
     steps : of the iteration. converged, message and others : as all results have them.

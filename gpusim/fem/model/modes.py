@@ -21,9 +21,9 @@ class Modes(Computation):
     effective_mass : (n,6), their squares: what of ``total_mass`` (6,), three masses and three
         moments of inertia about the centre, a mode takes up.
     error_estimate : (n,) estimated relative error of the frequencies as the mesh has them, rounding
-        included; the mesh's own isn't in it. Shapes are off by about its root, as angles; where
-        frequencies differ by less than a half per cent, so that any small change of the body mixes
-        their shapes, their common span is.
+        and what the error of a prestress does included; the mesh's own isn't in it. Shapes are off
+        by about its root, as angles; where frequencies differ by less than a half per cent, so that
+        any small change of the body mixes their shapes, their common span is.
     rigid : names of the rigid-body modes, which come first and are exact.
     below : how many lower ones were left out, as of a band.
     steps : of the iteration. converged, message and others : as all results have them.
