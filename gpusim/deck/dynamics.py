@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -67,17 +66,20 @@ class Dynamics(Procedure):
         share = (1.0 + self.alpha) * scheme.beta * (_FIRST * self.increments.first) ** 2
         # CalculiX integrates the mass of C3D20R by all points here, that of others as for modes
         rule = "exact" if analysis.formulation.get("hex20") == "reduced" else MASS
-        problem = InitialValueProblem(model, analysis.formulation, rule, factors, u, v, share)
+        problem = InitialValueProblem(model, analysis.formulation, rule, factors, u, v)
         names, limit = analysis.formulation, analysis.tolerance
         options = Options(analysis.method, None, "numpy", limit, None, None, None, names, Clock())
         moving = NonlinearMotion if analysis.nonlinear else LinearMotion
         motion = moving(problem, scheme, analysis.damping, options)
-        fields = integrated(motion, partial(_states, motion, times), times, None, None)
+        fields = integrated(motion, _states(motion, times, share), times, None, None)
         return History(times, method="hht", timings=options.clock.timings, model=model, **fields)
 
 
-def _states(motion: LinearMotion, times: Float, state: State) -> Iterator[tuple[State, float]]:
-    """At the ends of increments; their errors aren't looked at."""
+def _states(motion: LinearMotion, times: Float, share: float) -> Iterator[tuple[State, float]]:
+    """At the ends of increments, whose errors aren't looked at; at first a ``share`` of the
+    stiffness slows the body beside its mass."""
+    state = motion.begin(times[0], share)
+    yield state, np.nan
     for time in times[1:]:
         state = motion.advance(state, time - state.time)
         yield state, np.nan

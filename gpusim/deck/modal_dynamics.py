@@ -15,7 +15,6 @@ from gpusim.arrays.array_types import Float
 from gpusim.deck.increments import Increments
 from gpusim.deck.procedures import MASS, NONE, Frequency, converged, values
 from gpusim.deck.step import Analysis, Procedure, Step
-from gpusim.errors import InputError
 from gpusim.fem import (
     HarmonicResponse,
     History,
@@ -28,6 +27,7 @@ from gpusim.fem import (
     mass_matrix,
     solve,
 )
+from gpusim.fem.dynamics.modal_basis import ModalBasis
 from gpusim.fem.dynamics.modal_superposition import ModalCoordinates, ModalMotion
 from gpusim.fem.dynamics.transient import superposed
 from gpusim.fem.model.damping import Damping
@@ -41,8 +41,6 @@ _POINTS, _BIAS = 20, 3.0
 _MOST = 100_000
 # of a static answer
 _TOLERANCE = 1e-10
-# nearer to an undamped resonance, relative to its square, the response isn't known
-_RESOLVED = 1e-7
 
 
 def read_modal_damping(card: Card) -> Damping:
@@ -104,24 +102,21 @@ class ModalDynamics(Superposition):
         """From where the step just before has left the body; *FREQUENCY has it rest."""
         assert step.motion is not None
         times = np.array([step.motion.begin, *step.increments])
-        factors, loads = step.motion.factors(times), modal_loads(step, analysis)
-        modes, last = loads.modes, analysis.before[-1]
-        assert modes.model is not None
+        factors = step.motion.factors(times)
+        basis, beyond = modal_loads(step, analysis)
+        modes, last = basis.modes, analysis.before[-1]
         u = v = np.zeros_like(modes.shapes[0])
         if isinstance(last, History):
             u, v = last.u[-1], last.v[-1]
         elif isinstance(last, Solution):
             u = converged(last, step).u
-        lost = np.zeros_like(modes.angular)
-        if step.damping is not None:
-            (lost,) = step.damping.dissipation(np.ones(1), modes.angular)
-        forcing = Record(times, factors @ loads.forcing)
+        (lost,) = (step.damping or Rayleigh()).dissipation(np.ones(1), modes.angular)
+        forcing = Record(times, factors @ basis.forcing.real)
         begin = shares(analysis, modes, np.stack([u, v]))
         coordinates = ModalCoordinates(modes.angular, lost, forcing, *begin)
-        shapes, cases = np.concatenate([modes.shapes, loads.beyond]), len(loads.beyond)
-        response = ModalMotion(shapes, coordinates, Record(times, factors), np.zeros(cases), {})
-        fields = superposed(response, times, None)
-        return History(times, method="modal", timings={}, model=modes.model, **fields)
+        shapes, static = np.concatenate([modes.shapes, beyond]), Record(times, factors)
+        response = ModalMotion(shapes, coordinates, static, np.zeros(len(beyond)), {})
+        return History(times, **basis.computation | superposed(response, times, None))
 
 
 @dataclass(frozen=True)
@@ -159,42 +154,22 @@ class HarmonicDynamics(Superposition):
     def solve(self, step: Step, analysis: Analysis) -> HarmonicResponse:
         """Raises InputError at a resonance that nothing damps."""
         assert step.motion is not None
-        loads = modal_loads(step, analysis)
-        modes, frequencies = loads.modes, self.frequencies(loads.modes.frequencies)
-        angular, own = 2.0 * np.pi * frequencies, 2.0 * np.pi * modes.frequencies
-        structural = StructuralDamping(analysis.loss_factor)
-        lost = structural.dissipation(angular, own)
-        if step.damping is not None:
-            lost = lost + step.damping.dissipation(angular, own)
-        dynamic = own**2 - angular[:, None] ** 2 + 1j * lost
-        known = np.abs(dynamic) > _RESOLVED * own**2
-        if not known.all():
-            at = frequencies[np.argwhere(~known)[0, 0]]
-            raise InputError(
-                f"{analysis.path}: step {step.number}: nothing damps a resonance; got "
-                f"{at:.6g} Hz; expected *MODAL DAMPING in the step"
-            )
+        basis, beyond = modal_loads(step, analysis)
+        frequencies = self.frequencies(basis.modes.frequencies)
+        dampings = [StructuralDamping(analysis.loss_factor), step.damping or Rayleigh()]
+        what = f"{analysis.path}: step {step.number}: frequencies, without *MODAL DAMPING"
+        stiffness = basis.dynamic_stiffness(2.0 * np.pi * frequencies, dampings, what)
         ahead = np.where(step.motion.quadrature, 1j, 1.0)
         weights = step.motion.factors(frequencies) * ahead
-        coordinates = np.hstack([weights @ loads.forcing / dynamic, weights]).astype(np.complex128)
-        shapes = np.concatenate([modes.shapes, loads.beyond])
+        coordinates = np.hstack([weights @ basis.forcing / stiffness, weights])
+        shapes = np.concatenate([basis.shapes, beyond])
         unknown = np.full(len(frequencies), np.nan)
-        assert modes.model is not None
-        return HarmonicResponse(frequencies, coordinates, shapes, unknown, modes.model)
+        return HarmonicResponse(frequencies, coordinates, shapes, unknown, **basis.computation)
 
 
-@dataclass(frozen=True, eq=False)
-class ModalLoads:
-    """What the cases of a motion do to ``modes``: ``forcing`` (L,n) over modal masses; and what
-    these lack of the displacements that go with moving supports, ``beyond`` (L,N,3)."""
-
-    modes: Modes
-    forcing: Float
-    beyond: Float
-
-
-def modal_loads(step: Step, analysis: Analysis) -> ModalLoads:
-    """Of a step, for the modes that were found last."""
+def modal_loads(step: Step, analysis: Analysis) -> tuple[ModalBasis, Float]:
+    """What the cases of a motion do to the modes that were found last; and what these lack of the
+    displacements that go with moving supports, (L,N,3)."""
     assert step.motion is not None
     modes = [one for one in analysis.before if isinstance(one, Modes)][-1]
     model, names = analysis.model_of(step.motion.cases), analysis.formulation
@@ -209,14 +184,14 @@ def modal_loads(step: Step, analysis: Analysis) -> ModalLoads:
         )  # fmt: skip
         u = converged(solve(pulled, formulation=names, tolerance=_TOLERANCE), step).u
         own = shares(analysis, modes, u)
-        forcing[moved] += own * (2.0 * np.pi * modes.frequencies) ** 2
+        forcing[moved] += own * modes.angular**2
         beyond[moved] = u - np.tensordot(own, modes.shapes, axes=1)
-    return ModalLoads(modes, forcing, beyond)
+    return ModalBasis(modes.shapes, modes.angular, forcing, modes), beyond
 
 
 def shares(analysis: Analysis, modes: Modes, u: Float) -> Float:
     """(L,n) of modes in displacements (L,N,3) of what isn't held."""
-    assert modes.model is not None and modes.model.fixed is not None
+    assert modes.model.fixed is not None
     mass = mass_matrix(modes.model, MASS, analysis.formulation)
     free = np.where(modes.model.fixed, 0.0, u).reshape(len(u), -1)
     return np.asarray((mass @ free.T).T @ modes.shapes.reshape(len(modes.shapes), -1).T)

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
+import numpy as np
+
 from gpusim.deck.increments import Increments
 from gpusim.deck.materials import at_finite_strain
 from gpusim.deck.step import Analysis, Procedure, Result, Step
@@ -69,7 +71,6 @@ class Frequency(Procedure):
         """Also of those beyond the band, which CalculiX counts and superposes."""
         about, names = equilibrium(step, analysis), analysis.formulation
         model = analysis.model_of([step]) if about is None else about.model
-        assert model is not None
         return modes(
             model, self.count, mass=MASS, formulation=names, prestress=about, method=analysis.method
         )
@@ -80,7 +81,8 @@ class Frequency(Procedure):
         at = result.frequencies
         inside = (at >= self.least) & (at <= self.greatest)
         chosen = {name: getattr(result, name)[inside] for name in _OF_MODES}
-        return replace(result, **chosen, rigid=result.rigid[: inside[: len(result.rigid)].sum()])
+        rigid = result.rigid[: inside[: len(result.rigid)].sum()]
+        return replace(result, **chosen, rigid=rigid, below=int(np.argmax(inside)))
 
 
 @dataclass(frozen=True)

@@ -186,7 +186,7 @@ def test_free_bodies_have_rigid_modes(tmp_path: Path) -> None:
 def test_a_resonance_that_nothing_damps(tmp_path: Path) -> None:
     (modes,) = load_deck(write(tmp_path, deck(MODES))).solve()
     swept = STEADY.replace("0.1, 2.", f"0.1, {modes.frequencies[1]}")
-    with pytest.raises(InputError, match=r"step 2: nothing damps a resonance; got [\d.]+ Hz"):
+    with pytest.raises(InputError, match=r"step 2: frequencies.*a resonance of mode 1 that noth"):
         load_deck(write(tmp_path, deck(MODES, swept))).solve()
 
 

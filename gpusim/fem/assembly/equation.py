@@ -162,11 +162,17 @@ class Equation:
         forces = [np.zeros((*one.cells.shape, 3)) for one in self.responses]
         elements = self.elements(u, want, forces)
         acting = np.zeros_like(factors) if want is Want.MATERIAL else factors
-        rows = self._graph.fill([*elements, *self._follow(u, acting)])
+        assembled = self.assembled(elements, u, acting)
         for one, of_cells in zip(elements, forces, strict=True):
             add_to(residual, one.cells, -of_cells)
         skew = self.skew_stiffness(u, acting)
-        return Tangent(u, factors, residual, Assembled(rows, elements, None), skew)
+        return Tangent(u, factors, residual, assembled, skew)
+
+    def assembled(self, elements: Sequence[Elements], u: Float, factors: Float) -> Assembled:
+        """These and, at ``u`` (N,3), the symmetric part of what loads that follow are to the
+        stiffness."""
+        rows = self._graph.fill([*elements, *self._follow(u, factors)])
+        return Assembled(rows, elements, None)
 
     def elements(self, u: Float, want: Want, forces: Sequence[Float]) -> Sequence[Elements]:
         """Whose tangents are formed at ``u``; their ``forces`` (M,k,3) are written on the way."""
@@ -176,19 +182,6 @@ class Equation:
             )
             for one, into in zip(self.responses, forces, strict=True)
         ]
-
-    def about_linear(self, u: Float, factors: Float) -> Assembled:
-        """The stiffness about displacements ``u`` (N,3) of linear theory, whose stress is linear in
-        them: the material's there, and of the geometric one what changes its sign with ``u``.
-
-        For total Lagrangian elements without heat and unknowns of their own.
-        """
-        elements = [
-            FormedElements(one.name, one.cells, partial(_about_linear, one, u), one.block.numbers)
-            for one in self.responses
-        ]
-        rows = self._graph.fill([*elements, *self._follow(u, factors)])
-        return Assembled(rows, elements, None)
 
     def _follow(self, u: Float, factors: Float) -> list[FormedElements]:
         """What loads that follow are to the stiffness, but for its skew part."""
@@ -273,18 +266,6 @@ def _tangents(response: ElementResponse, u: Float, want: Want, forces: Float, wh
     forces[which] = found.reshape(len(which), -1, 3)
     assert matrices is not None
     return matrices
-
-
-def _about_linear(response: ElementResponse, u: Float, which: Long) -> Float:
-    """(m,3k,3k) matrices of some elements."""
-
-    def matrices(at: Float, want: Want) -> Float:
-        _, found = response.response(which, at, want)
-        assert found is not None
-        return found
-
-    geometric = matrices(u, Want.TANGENT) - matrices(-u, Want.TANGENT)
-    return 0.5 * (geometric + matrices(u, Want.MATERIAL) + matrices(-u, Want.MATERIAL))
 
 
 def _symmetric(faces: PressedFaces, points: Float, factor: float, which: Long) -> Float:

@@ -19,9 +19,10 @@ from gpusim.errors import NotConverged
 from gpusim.fem.assembly.assembly import Assembled, assemble, model_lattice
 from gpusim.fem.assembly.element_responses import element_responses
 from gpusim.fem.assembly.equation import Equation
+from gpusim.fem.assembly.geometric_stiffness import GeometricStiffness
 from gpusim.fem.assembly.node_graph import Numbering
 from gpusim.fem.assembly.reduced_system import reduced_system
-from gpusim.fem.assembly.shifted_system import Shift, shifted_system
+from gpusim.fem.assembly.shifted_system import Shift, shifted_elements, shifted_system
 from gpusim.fem.assembly.system import (
     ElementForces,
     System,
@@ -29,7 +30,7 @@ from gpusim.fem.assembly.system import (
     make_system,
     scaled_system,
 )
-from gpusim.fem.model.dead_loads import with_dead_loads
+from gpusim.fem.elements.element_response import Want
 from gpusim.fem.model.elimination import Elimination, eliminate
 from gpusim.fem.model.mass import ElementMass, check_densities, scalar_mass
 from gpusim.fem.model.model import Model
@@ -70,7 +71,6 @@ class EquationOfMotion:
         Raises InputError for laws with a history, whose state a solution doesn't hold, and
         NotConverged for a solution that isn't one.
         """
-        assert solution.model is not None
         if not solution.converged:
             got, expected = solution.message, "a converged one"
             raise NotConverged(f"prestress: the solution; got {got}; expected {expected}")
@@ -192,7 +192,6 @@ def _equation_of_motion(
     numbering = Numbering.of(model) if lattice is None else None
     inside = model if numbering is None else numbering.renumbered(model)
     if solution is None:
-        inside = with_dead_loads(inside, formulation)
         assembled = assemble(inside, formulation, lattice)
         system, points = make_system(inside, assembled), inside.mesh.points
     else:
@@ -212,23 +211,26 @@ def _tangent(
     solution: Solution,
     numbering: Numbering | None,
 ) -> tuple[Assembled, System, Float]:
-    """At the last state of a solution, and its nodes. Rotations cost energy there: there is no
-    product by deformation."""
+    """At the last state of a solution, and its nodes: of an equilibrium its tangent, of linear
+    theory the material's stiffness there and that of its stress. Rotations cost energy there: there
+    is no product by deformation."""
     equation = Equation(model, element_responses(model, formulation))
     where, got = "prestress", "a law with a history, which a solution doesn't hold"
     require(not equation.has_history, where, got, "elastic laws")
     u = solution.u if solution.u.ndim == 2 else solution.u.sum(axis=0)
     u = u if numbering is None else numbering.forward(u)
     factors = solution.steps[-1].factors if solution.steps else np.ones(len(model.load_cases))
-    own = {"incompatible", "bbar"} & set(formulation.values())
-    finite = all(one.block.law.finite_strain for one in equation.responses)
-    if finite and model.temperature is None and not own and not solution.steps:
-        # linear theory, of laws for large displacements: stress is as linear as displacements
-        assembled = equation.about_linear(u, factors)
-    else:
-        equation.relax(u, factors)
+    equation.relax(u, factors)
+    if solution.steps:
         assembled = equation.linearised(u, factors).assembled
+    else:
+        # that of the displaced body would have parts of second order, which nothing balances
+        stress = Shift(GeometricStiffness(model, formulation, u, factors), csr_matrix((0, 0)), 1.0)
+        forces = [np.zeros((*one.cells.shape, 3)) for one in equation.responses]
+        material = equation.elements(u, Want.MATERIAL, forces)
+        elements = [shifted_elements(one, stress) for one in material]
+        assembled = equation.assembled(elements, u, factors)
     still, points = np.zeros_like(u), model.mesh.points + u
     system = scaled_system(assembled, points, equation.free, still[None], still[None])
-    elements = ElementForces(lambda v: system.apply(v) * system.scale, system.elements.rounding)
-    return assembled, replace(system, elements=elements), points
+    sums = ElementForces(lambda v: system.apply(v) * system.scale, system.elements.rounding)
+    return assembled, replace(system, elements=sums), points

@@ -17,6 +17,7 @@ from gpusim.arrays.array_types import Float, Long
 from gpusim.fem.assembly.assembly import Assembled, assemble_groups, assemble_lattice
 from gpusim.fem.assembly.element_batches import DistinctGroup, Elements, Group, only_group
 from gpusim.fem.assembly.equation import FormedElements
+from gpusim.fem.assembly.geometric_stiffness import GeometricStiffness
 from gpusim.fem.assembly.system import ElementForces, System, contrast, row_sum
 from gpusim.fem.lattice.stencil import stencil_of
 from gpusim.fem.model.mass import ElementMass
@@ -25,10 +26,10 @@ from gpusim.fem.sparse.block_rows import BlockRows
 
 @dataclass(frozen=True, eq=False)
 class Shift:
-    """``factor`` times the mass of the ``elements``, whose sum is the scalar ``mass`` (N,N), the
-    same for the three directions; in the model's units."""
+    """``factor`` times the mass, or another scalar matrix, of the ``elements``, whose sum is
+    ``mass`` (N,N), the same for the three directions; in the model's units."""
 
-    elements: ElementMass
+    elements: ElementMass | GeometricStiffness
     mass: csr_matrix
     factor: float
 

@@ -8,6 +8,8 @@ In the order in which data passes:
   between instants.
 - `time_integration`: Time integration: Newmark's method, HHT-alpha and generalized-alpha, step by
   step.
+- `phase_error`: Phase error: by how much vibration that is stepped lags behind, which adds up over
+  its cycles.
 - `nonlinear_motion`: Motion at large displacements: equilibrium with the forces of inertia, by
   Newton's method.
 - `transient`: Transients: a body's response in time, by modes or step by step.

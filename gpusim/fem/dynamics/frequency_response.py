@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated, Any
 
@@ -11,9 +12,12 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Complex
 from gpusim.fem.dynamics.harmonic import harmonic
 from gpusim.fem.model.damping import Damping
+from gpusim.fem.model.mass import MASS_RULES
 from gpusim.fem.model.model import Model
+from gpusim.fem.model.modes import Modes
+from gpusim.fem.model.solution import Solution
 from gpusim.mesh import Mesh
-from gpusim.validation import checked, finite_numbers, is_number, one_of, require
+from gpusim.validation import Count, checked, finite_numbers, is_number, one_of, require
 
 _DERIVATIVES = {"receptance": 0, "mobility": 1, "accelerance": 2}
 # of the mesh's extent: a point as near as that to a node is this node
@@ -29,7 +33,11 @@ def frequency_response(
     response: tuple[npt.ArrayLike, str] | None = None,
     kind: Annotated[str, one_of(*_DERIVATIVES)] = "receptance",
     damping: Damping | None = None,
-    **options: Any,
+    count: Count = 20,
+    modes: Modes | None = None,
+    formulation: str | Mapping[str, str] | None = None,
+    mass: Annotated[str, one_of(*MASS_RULES)] = "exact",
+    prestress: Solution | None = None,
 ) -> Complex:
     """(F,) complex response of one point per unit of force at another.
 
@@ -40,7 +48,7 @@ def frequency_response(
     at : where the force acts: a node's number, or a point (3,) where one is, and "x", "y" or "z".
     response : what is looked at, likewise; None: the same as ``at``, the driving point.
     kind : "receptance" (displacement over force), "mobility" (velocity) or "accelerance".
-    damping, options : as for `gpusim.harmonic`.
+    damping, count, modes, formulation, mass, prestress : as for `gpusim.harmonic`.
 
     Raises InputError for a point without a node, and what `gpusim.harmonic` raises.
 
@@ -62,7 +70,10 @@ def frequency_response(
     force = np.zeros(model.mesh.points.shape)
     force[node, axis] = 1.0
     pushed = replace(model, forces=force, prescribed=None, loads=(), temperature=None)
-    found = harmonic(pushed, frequencies, damping=damping, **options)
+    found = harmonic(
+        pushed, frequencies, damping=damping, count=count, modes=modes, formulation=formulation,
+        mass=mass, prestress=prestress,
+    )  # fmt: skip
     receptance = found.coordinates @ found.shapes[:, seen, along]
     return np.asarray(receptance * (2j * np.pi * found.frequencies) ** _DERIVATIVES[kind])
 

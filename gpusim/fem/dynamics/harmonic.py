@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
@@ -14,9 +15,12 @@ from gpusim.fem.dynamics.forced_vibration import (
 )
 from gpusim.fem.model.damping import DAMPINGS, Damping
 from gpusim.fem.model.harmonic_response import HarmonicResponse
+from gpusim.fem.model.mass import MASS_RULES
 from gpusim.fem.model.model import Model
+from gpusim.fem.model.modes import Modes
+from gpusim.fem.model.solution import Solution
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import checked, require
+from gpusim.validation import Count, checked, one_of, require
 
 
 @checked
@@ -27,7 +31,11 @@ def harmonic(
     damping: Damping | None = None,
     loads: npt.ArrayLike | None = None,
     base: npt.ArrayLike | None = None,
-    **options: Any,
+    count: Count = 20,
+    modes: Modes | None = None,
+    formulation: str | Mapping[str, str] | None = None,
+    mass: Annotated[str, one_of(*MASS_RULES)] = "exact",
+    prestress: Solution | None = None,
 ) -> HarmonicResponse:
     """Steady vibration u(t) = Re(u exp(i 2 pi f t)) of a linear model under harmonic loads, by
     superposition of modes and of residual vectors, which are what the static response has beyond
@@ -40,8 +48,8 @@ def harmonic(
     damping : `gpusim.Rayleigh`, `gpusim.ModalDamping` or `gpusim.StructuralDamping`; None: none.
     loads : (L,) complex weights of the load cases; None: 1 for each, or 0 with a ``base``.
     base : (3,) complex amplitude of the acceleration with which all supports move.
-    options : ``count``: how many modes, 20; or ``modes`` of this model, if they are known.
-        ``formulation``, ``mass``, ``prestress``: as for `gpusim.modes`.
+    count : how many modes. modes : those of this model, from the lowest one on, if they are known.
+    formulation, mass, prestress : as for `gpusim.modes`.
 
     Raises
     ------
@@ -66,6 +74,12 @@ def harmonic(
     acceleration = None if base is None else complex_numbers(base, "harmonic: base", 3)
     angular = 2.0 * np.pi * given
     with one_blas_thread():
-        basis = forced_vibration(model, loads, acceleration, **options)
-        truncation, coordinates = basis.truncation(angular), basis.coordinates(angular, damping)
-    return HarmonicResponse(given, coordinates, basis.shapes, truncation, model, acceleration)
+        basis = forced_vibration(
+            model, loads, acceleration, float(given.max()), count=count, modes=modes,
+            formulation=formulation, mass=mass, prestress=prestress,
+        )  # fmt: skip
+        truncation = basis.truncation(angular, "harmonic: frequencies")
+        coordinates = basis.coordinates(angular, () if damping is None else (damping,))
+    return HarmonicResponse(
+        given, coordinates, basis.shapes, truncation, acceleration, **basis.computation
+    )

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.interpolate import make_interp_spline
 
 from gpusim.arrays.array_types import Float
 from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
@@ -15,6 +16,7 @@ from gpusim.fem.model.mass import inertia_forces
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.record import Record
 from gpusim.fem.model.solution import Solution
+from gpusim.fem.model.supports import free_motions
 from gpusim.validation import finite_numbers, require
 
 Loads = npt.ArrayLike | Record
@@ -22,13 +24,15 @@ Initial = Solution | tuple[npt.ArrayLike, npt.ArrayLike]
 
 # of the greatest displacement or velocity, that constraints may miss at first
 _CONSISTENT = 1e-6
+# of what the ground swings about its mean way, by which it ends away from where it began
+_AWAY = 3.0
 
 
 @dataclass(frozen=True, eq=False)
 class InitialValueProblem:
     """M a + C v + f_int(u) = the load cases of ``model`` by ``factors`` (R,K), from displacements
     ``u`` and velocities ``v`` (N,3). ``mass_rule`` and ``formulation`` say how M and f_int are
-    found. The first acceleration is what M + ``onset`` K makes of forces that aren't balanced."""
+    found."""
 
     model: Model
     formulation: Mapping[str, str]
@@ -36,7 +40,6 @@ class InitialValueProblem:
     factors: Record
     u: Float
     v: Float
-    onset: float = 0.0
 
     @property
     def linear_equation(self) -> EquationOfMotion:
@@ -93,6 +96,23 @@ def with_moving_ground(problem: InitialValueProblem, base: Record | None) -> Ini
         model=replace(model, forces=forces, temperature=warm),
         factors=Record(times, np.hstack([factors.at(times), ground.at(times)])),
     )
+
+
+def drifts(model: Model, ground: Record) -> Iterator[str]:
+    """What lets displacements grow on a moving ground: a body that isn't held, and accelerations
+    by which the ground goes away rather than to and fro."""
+    if any(True for _ in free_motions(model)):
+        yield "base moves the ground alone: supports leave the body free to stay behind"
+    lapse = ground.times - ground.times[0]
+    path = make_interp_spline(lapse, ground.values, k=1).antiderivative(2)
+    along = path(lapse[-1])
+    swing = np.abs(path(lapse) - lapse[:, None] / lapse[-1] * along).max(axis=0)
+    for axis in np.flatnonzero(np.abs(along) > _AWAY * swing):
+        yield (
+            f"the ground of base goes away along {'xyz'[axis]}, by {along[axis]:.3g} in all: "
+            f"it has a mean velocity of {along[axis] / lapse[-1]:.3g} (is its record without a "
+            "baseline correction?)"
+        )
 
 
 def initial_state(model: Model, initial: Initial | None) -> tuple[Float, Float]:

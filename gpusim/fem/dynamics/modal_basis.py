@@ -8,7 +8,9 @@ with (frequency / that of the last mode)^2.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -43,25 +45,36 @@ _RESOLVED = 1e-7
 @dataclass(frozen=True, eq=False)
 class ModalBasis:
     """Mass-normalised ``shapes`` (m,N,3), decoupled, of ``angular`` frequencies (m,) rad/s, and the
-    ``forcing`` (L,m) of loads on them. The first ``count`` are modes, the others residual
+    ``forcing`` (L,m) of loads on them. The first ``count`` are ``modes``, the others residual
     vectors."""
 
     shapes: Float
     angular: Float
     forcing: Float | Complex
-    count: int
+    modes: Modes
+
+    @property
+    def count(self) -> int:
+        """How many are modes."""
+        return len(self.modes.angular)
+
+    @property
+    def computation(self) -> dict[str, Any]:
+        """What results that superpose it tell as a `Computation`."""
+        beyond, modes = len(self.angular) - self.count, self.modes
+        message = f"{self.count} modes" + f", {beyond} residual vectors" * (beyond > 0)
+        known = {
+            name: getattr(modes, name) for name in ("unknowns", "warnings", "timings", "model")
+        }
+        return {"method": "modal", "message": message, **known}
 
     @staticmethod
     def of(
         equation: EquationOfMotion, modes: Modes, loads: Float | Complex, options: Options
     ) -> ModalBasis:
         """For forces ``loads`` (L,3N) on the equation's unknowns."""
-        if not modes.converged:
-            raise NotConverged(f"modes; got {modes.message}; expected converged ones")
+        check_modes(modes)
         rigid, count = int((modes.frequencies == 0.0).sum()), len(modes.frequencies)
-        require(rigid < count, "modes", "rigid ones alone", "a greater count")
-        fits = modes.shapes[0].size == loads.shape[1]
-        require(fits, "modes", "those of another mesh", "those of the model")
         # a free body: its rigid-body modes are exact, and the solver has some of its mass as well
         shift = _SHIFT * modes.angular[rigid] ** 2 if rigid else 0.0
         solver = ShiftedSolver(equation, shift, options)
@@ -77,7 +90,7 @@ class ModalBasis:
         require(bool(same.all()), "modes", "others than the basis has", expected)
         forcing = np.sqrt(equation.scale) * (loads @ x.T)
         shapes = equation.displacements(x / np.sqrt(equation.scale))
-        return ModalBasis(shapes, angular, forcing, count)
+        return ModalBasis(shapes, angular, forcing, modes)
 
     @property
     def lacking(self) -> Float:
@@ -88,21 +101,27 @@ class ModalBasis:
         beyond = energy[:, self.count - len(self.angular) + elastic.sum() :]
         return np.asarray(beyond.sum(axis=1) / np.maximum(energy.sum(axis=1), 1e-300))
 
-    def coordinates(self, angular: Float, damping: Damping | None) -> Complex:
+    def coordinates(self, angular: Float, dampings: Sequence[Damping]) -> Complex:
         """(F,m) under the first load, at ``angular`` (F,) rad/s. Raises InputError at a resonance
         that nothing damps."""
-        dynamic = (self.angular**2 - angular[:, None] ** 2).astype(np.complex128)
-        if damping is not None:
-            dynamic += 1j * damping.dissipation(angular, self.angular)
+        stiffness = self.dynamic_stiffness(angular, dampings, "harmonic: frequencies")
+        return np.asarray(self.forcing[0] / stiffness)
+
+    def dynamic_stiffness(self, angular: Float, dampings: Sequence[Damping], what: str) -> Complex:
+        """(F,m) forces over amplitudes, at ``angular`` (F,) rad/s. Raises InputError naming
+        ``what`` at a resonance that none of the ``dampings`` damps."""
+        stiffness = (self.angular**2 - angular[:, None] ** 2).astype(np.complex128)
+        for one in dampings:
+            stiffness += 1j * one.dissipation(angular, self.angular)
         size = np.maximum(self.angular**2, angular[:, None] ** 2)
-        known = (np.abs(dynamic) > _RESOLVED * size).all(axis=0)
+        known = (np.abs(stiffness) > _RESOLVED * size).all(axis=0)
         mode = int(np.argmin(known))
         expected = f"damping, or frequencies other than {self.angular[mode] / (2.0 * np.pi):.9g} Hz"
         got = f"a resonance of mode {mode + 1} that nothing damps"
-        require(bool(known.all()), "harmonic: frequencies", got, expected)
-        return np.asarray(self.forcing[0] / dynamic)
+        require(bool(known.all()), what, got, expected)
+        return stiffness
 
-    def truncation(self, angular: Float, what: str = "harmonic: frequencies") -> Float:
+    def truncation(self, angular: Float, what: str) -> Float:
         """(F,) at most what modes left out add to the response to the first load at ``angular``
         (F,) rad/s, in the energy norm over that of the static response. Raises InputError,
         naming ``what``, beyond the last mode."""
@@ -115,6 +134,13 @@ class ModalBasis:
         require(bool((angular < last).all()), what, got, expected)
         ratio = (angular / last) ** 2
         return np.asarray(np.sqrt(lacking) * ratio / (1.0 - ratio) ** 1.5)
+
+
+def check_modes(modes: Modes) -> None:
+    """Raises NotConverged for modes that were given up, and InputError for rigid ones alone."""
+    if not modes.converged:
+        raise NotConverged(f"modes; got {modes.message}; expected converged ones")
+    require(bool(modes.frequencies.any()), "modes", "rigid ones alone", "a greater count")
 
 
 def _residual_vectors(

@@ -17,7 +17,7 @@ from gpusim.arrays.array_types import Float
 from gpusim.fem.dynamics.initial_value_problem import InitialValueProblem
 from gpusim.fem.dynamics.modal_basis import ModalBasis
 from gpusim.fem.linear.solve_plan import Options
-from gpusim.fem.model.damping import Damping
+from gpusim.fem.model.damping import Damping, Rayleigh
 from gpusim.fem.model.modes import Modes
 from gpusim.fem.model.record import Record
 
@@ -146,9 +146,7 @@ def modal_superposition(
     begin = equation.unknowns(np.stack([problem.u, problem.v]))
     inertia = equation.inertia(equation.unknowns(basis.shapes[: basis.count]))
     amplitude, rate = equation.scale * begin @ inertia.T
-    lost = np.zeros_like(angular)
-    if damping is not None:
-        (lost,) = damping.dissipation(np.ones(1), angular)
+    (lost,) = (damping or Rayleigh()).dissipation(np.ones(1), angular)
     forcing = Record(factors.times, factors.values @ push)
     coordinates = ModalCoordinates(angular, lost, forcing, amplitude, rate)
     lacking = {

@@ -92,10 +92,9 @@ class NonlinearMotion(LinearMotion):
         # the shift that the solver is for, and the greatest energy until now
         self._solved, self._greatest = 0.0, 0.0
 
-    def begin(self, time: float) -> State:
-        """Forces that aren't balanced accelerate it from the first instant on."""
-        u, v, onset = self._problem.u, self._problem.v, self._problem.onset
-        self._elements.shift = replace(self._mass, factor=1.0 / onset if onset > 0.0 else 0.0)
+    def begin(self, time: float, onset: float = 0.0) -> State:
+        """As that of `LinearMotion`, of the stiffness there."""
+        u, v = self._problem.u, self._problem.v
         if u.any():
             expected = "rest, or elastic laws: what points have been through isn't known"
             known = not self._elements.has_history
@@ -104,14 +103,15 @@ class NonlinearMotion(LinearMotion):
         balance = self._balances[time] = self._balance(time, u, v)
         force = balance.external - balance.internal - self._inertia(self._damping.mass * v)
         if onset > 0.0:
-            a = self._slowed(force / onset, u, time)
+            a = self._slowed(force / onset, u, time, 1.0 / onset)
         else:
             a = super().displacements(self.accelerations(self.equation.forces(force[None])))
         return State(time, u, v, a, np.zeros(2))
 
-    def _slowed(self, force: Float, u: Float, time: float) -> Float:
-        """(N,3) by ``force`` at ``u``, where stiffness slows it."""
+    def _slowed(self, force: Float, u: Float, time: float, shift: float) -> Float:
+        """(N,3) by ``force`` at ``u`` on the stiffness and ``shift`` times the mass."""
         elements = self._elements
+        elements.shift = replace(self._mass, factor=shift)
         elements.forces, elements.origin = np.zeros_like(u), u
         tangent = elements.linearised(u, self._factors(time))
         solver = TangentSolver(elements, self._options)
@@ -120,7 +120,7 @@ class NonlinearMotion(LinearMotion):
 
     def advance(self, state: State, step: float) -> State:
         """One equilibrium, from the last state."""
-        scheme, equation, before = self._scheme, self._elements, self._balances[state.time]
+        scheme, equation, before = self.scheme, self._elements, self._balances[state.time]
         equation.restore(before.elements)
         shift, factor = scheme.shift(step, self._damping)
         if abs(shift - self._solved) > _SAME * shift:
@@ -145,7 +145,7 @@ class NonlinearMotion(LinearMotion):
     def error(self, before: State, after: State) -> float:
         """As that of `LinearMotion`."""
         tangent = self._elements.linearised(after.u, self._factors(after.time))
-        pull = self._elements.shift.forces(self._scheme.local_error(before, after)[None])
+        pull = self._elements.shift.forces(self.scheme.local_error(before, after)[None])
         found = self._tangents.correction(tangent, pull, np.zeros_like(pull), _ROUGHLY)
         return float(np.abs(found.du).max())
 

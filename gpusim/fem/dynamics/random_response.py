@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
@@ -17,12 +17,15 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Complex, Float
 from gpusim.fem.dynamics.forced_vibration import checked_frequencies, forced_vibration
 from gpusim.fem.dynamics.modal_basis import ModalBasis
+from gpusim.fem.model.computation import Computation
 from gpusim.fem.model.damping import DAMPINGS, Damping
+from gpusim.fem.model.mass import MASS_RULES
 from gpusim.fem.model.model import Model, resolve_formulation
+from gpusim.fem.model.modes import Modes
+from gpusim.fem.model.solution import Solution
 from gpusim.fem.recovery.stress import stress
-from gpusim.field_summary import field_summary
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import as_float64, checked, require
+from gpusim.validation import Count, as_float64, checked, one_of, require
 
 # stress components xx yy zz xy yz zx times that have the von Mises stress as their length
 _MISES = np.zeros((6, 6))
@@ -36,8 +39,8 @@ _DOUBLED = np.concatenate([[0.0], 2.0 ** np.arange(40)])
 _CHUNK = 64
 
 
-@dataclass(frozen=True, eq=False)
-class RandomResponse:
+@dataclass(frozen=True, eq=False, repr=False)
+class RandomResponse(Computation):
     """Stationary response with zero mean, in the model's units; displacements relative to the base.
 
     frequencies, excitation : (F,) Hz, and (F,) spectral density there of what drives, per Hz.
@@ -46,6 +49,7 @@ class RandomResponse:
     covariance : (m,m) of the coordinates, over the whole band.
     truncation : what modes that were left out may add at the upper end of the band, as in
         `gpusim.fem.HarmonicResponse`.
+    message, warnings, unknowns, method, timings, model : as all results have them.
 
     Examples
     --------
@@ -64,9 +68,7 @@ class RandomResponse:
     shapes: Float
     covariance: Float
     truncation: float
-    model: Model
     formulation: Mapping[str, str]
-    __repr__ = field_summary
 
     @cached_property
     def rms(self) -> Float:
@@ -126,7 +128,11 @@ def random_response(
     frequencies: npt.ArrayLike | None = None,
     loads: npt.ArrayLike | None = None,
     base: npt.ArrayLike | None = None,
-    **options: Any,
+    count: Count = 20,
+    modes: Modes | None = None,
+    formulation: str | Mapping[str, str] | None = None,
+    mass: Annotated[str, one_of(*MASS_RULES)] = "exact",
+    prestress: Solution | None = None,
 ) -> RandomResponse:
     """Stationary random vibration of a linear model under one load, by modal superposition.
 
@@ -140,8 +146,7 @@ def random_response(
     frequencies : (F,) Hz at which spectral densities of results are given; None: those of ``psd``.
     loads, base : the amplitudes that the factor multiplies, as for `gpusim.harmonic`: weights (L,)
         of the load cases, which vary together, and an acceleration (3,).
-    options : ``count``, ``formulation``, ``mass``, ``prestress`` and ``modes``, as for
-        `gpusim.harmonic`.
+    count, modes, formulation, mass, prestress : as for `gpusim.harmonic`.
 
     RMS are integrals over the band, by Gauss' rule on panels graded towards each resonance: exact
     to about 1e-12. Raises InputError and NotConverged as `gpusim.harmonic` does.
@@ -165,15 +170,19 @@ def random_response(
     )
     require(bool(good), "random response: psd", repr(psd), expected)
     given = density[0] if frequencies is None else checked_frequencies(frequencies)
+    highest = density[0, -1:]
     with one_blas_thread():
-        basis = forced_vibration(model, loads, base, **options)
-        truncation = basis.truncation(2.0 * np.pi * density[0, -1:], "random response: psd")
+        basis = forced_vibration(
+            model, loads, base, float(highest[0]), count=count, modes=modes,
+            formulation=formulation, mass=mass, prestress=prestress,
+        )  # fmt: skip
+        truncation = basis.truncation(2.0 * np.pi * highest, "random response: psd")
         covariance = _covariance(basis, damping, density)
-        coordinates = basis.coordinates(2.0 * np.pi * given, damping)
-    excitation = _interpolated(density, given)
-    names = resolve_formulation(model, options.get("formulation"))
-    return RandomResponse(given, excitation, coordinates, basis.shapes, covariance,
-                          float(truncation[0]), model, names)  # fmt: skip
+        coordinates = basis.coordinates(2.0 * np.pi * given, [damping])
+    return RandomResponse(
+        given, _interpolated(density, given), coordinates, basis.shapes, covariance,
+        float(truncation[0]), resolve_formulation(model, formulation), **basis.computation,
+    )  # fmt: skip
 
 
 def _covariance(basis: ModalBasis, damping: Damping, density: Float) -> Float:
@@ -186,7 +195,7 @@ def _covariance(basis: ModalBasis, damping: Damping, density: Float) -> Float:
         part = slice(first, first + _CHUNK)
         frequencies = (middle[part, None] + half[part, None] * points).ravel()
         weight = (half[part, None] * weights).ravel() * _interpolated(density, frequencies)
-        coordinates = basis.coordinates(2.0 * np.pi * frequencies, damping)
+        coordinates = basis.coordinates(2.0 * np.pi * frequencies, [damping])
         result += (coordinates.conj().T @ (weight[:, None] * coordinates)).real
     return result
 

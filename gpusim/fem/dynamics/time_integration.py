@@ -105,7 +105,7 @@ class LinearMotion:
     def __init__(
         self, problem: InitialValueProblem, scheme: Scheme, damping: Rayleigh, options: Options
     ) -> None:
-        self._problem, self._scheme, self._damping = problem, scheme, damping
+        self._problem, self.scheme, self._damping = problem, scheme, damping
         self._options = options
         self.equation = problem.linear_equation
         self._forces = problem.forces(self.equation)
@@ -122,23 +122,23 @@ class LinearMotion:
             return "one back-substitution each"
         return f"{np.mean(self._counts):.1f} iterations each"
 
-    def begin(self, time: float) -> State:
-        """Forces that aren't balanced accelerate it from the first instant on."""
+    def begin(self, time: float, onset: float = 0.0) -> State:
+        """Forces that aren't balanced accelerate it from the first instant on: (M + ``onset`` K) a
+        is what they are."""
         (u, v), equation, damping = self._begin, self.equation, self._damping
         force = self._load(time) - equation.stiffness(u + damping.stiffness * v)
-        a = self.accelerations(force - damping.mass * equation.inertia(v))
+        force -= damping.mass * equation.inertia(v)
+        if onset > 0.0:
+            a = self._solution(self._solver(1.0 / onset), force / onset, 0.0)
+        else:
+            a = self.accelerations(force)
         return State(time, u, v, a, np.zeros(2))
 
     def accelerations(self, force: Float) -> Float:
-        """M^-1 ``force``, by conjugate gradients that are scaled by the diagonal; or, with an
-        onset, (M + onset K)^-1 of it.
+        """M^-1 ``force``, by conjugate gradients that are scaled by the diagonal.
 
         Raises NotConverged where the mass isn't positive definite.
         """
-        onset = self._problem.onset
-        if onset > 0.0:
-            solver, right = self._solver(1.0 / onset), force / onset
-            return self._solution(solver, right, 0.0)
         diagonal = np.repeat(self.equation.mass.diagonal(), 3) / self.equation.scale
         near = _Diagonal(np.where(diagonal > 0.0, diagonal, 1.0))
         found = truncated_cg(self.equation.inertia, near, force, _MASS_TOLERANCE)
@@ -149,7 +149,7 @@ class LinearMotion:
 
     def advance(self, state: State, step: float) -> State:
         """One solve, at the predicted state."""
-        scheme, damping, equation = self._scheme, self._damping, self.equation
+        scheme, damping, equation = self.scheme, self._damping, self.equation
         shift, factor = scheme.shift(step, damping)
         after = predicted(state, step)
         u, v = scheme.between(state.u, after.u), scheme.between(state.v, after.v)
@@ -167,8 +167,8 @@ class LinearMotion:
     def error(self, before: State, after: State) -> float:
         """Of a step, estimated, of the greatest displacement. What such steps don't resolve of
         motions is left out: it stays small."""
-        shift, _ = self._scheme.shift(after.time - before.time, self._damping)
-        inertia = self.equation.inertia(self._scheme.local_error(before, after))
+        shift, _ = self.scheme.shift(after.time - before.time, self._damping)
+        inertia = self.equation.inertia(self.scheme.local_error(before, after))
         return float(np.abs(self._solver(shift).apply(shift * inertia)).max())
 
     def size(self, duration: float) -> float:
@@ -237,14 +237,15 @@ class _Diagonal(Preconditioner):
 def time_steps(
     motion: LinearMotion, first: float, allowed: float, state: State
 ) -> Iterator[tuple[State, float]]:
-    """States one step after the other, and their estimated errors; of constant steps the error of
-    every tenth, NaN of others.
+    """States one step after the other from the given one on, and the estimated errors of steps;
+    NaN where none is known, as of constant steps but every tenth.
 
     The ``first`` step is the longest: shorter ones are taken where their error would be greater
     than ``allowed``. Raises NotConverged where a constant step fails, or an adaptive one becomes
     too small.
     """
     step, adaptive = first, allowed < np.inf
+    yield state, np.nan
     for number in count():
         for _ in range(_MOST_HALVINGS if adaptive else 1):
             error = np.nan

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from functools import partial
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Annotated, Any
 
 import numpy as np
@@ -14,12 +13,14 @@ from gpusim.fem.dynamics.initial_value_problem import (
     Initial,
     InitialValueProblem,
     Loads,
+    drifts,
     initial_state,
     load_factors,
     with_moving_ground,
 )
 from gpusim.fem.dynamics.modal_superposition import ModalMotion, modal_superposition
 from gpusim.fem.dynamics.nonlinear_motion import NonlinearMotion
+from gpusim.fem.dynamics.phase_error import PhaseError
 from gpusim.fem.dynamics.time_integration import (
     METHODS,
     LinearMotion,
@@ -63,6 +64,8 @@ _SOLUTION = 1e-5
 _MISSED, _FINEST = 0.05, 1e-6
 # of the greatest displacement, in a step, from which on a warning says so
 _WARNED_ERROR = 1e-3
+# of a cycle, by which vibration may lag at the end without a word
+_WARNED_LAG = 0.01
 
 
 @checked
@@ -134,6 +137,7 @@ def transient(
         if method == "modal":
             found = modes(model, count, formulation=names, mass=mass)
             fields = superposed(modal_superposition(problem, found, damping, options), at, file)
+            fields["unknowns"] = found.unknowns
         else:
             scheme = Scheme.named(method, spectral_radius)
             rayleigh = damping if isinstance(damping, Rayleigh) else Rayleigh()
@@ -141,8 +145,10 @@ def transient(
             kind = LinearMotion if geometry == "linear" else NonlinearMotion
             motion = kind(problem, scheme, rayleigh, options)
             error = tolerance * motion.size(at[-1] - at[0]) if step == "adaptive" else np.inf
-            steps = partial(time_steps, motion, first, error)
-            fields = integrated(motion, steps, at, file, progress)
+            states = time_steps(motion, first, error, motion.begin(at[0]))
+            fields = integrated(motion, states, at, file, progress)
+    if base is not None:
+        fields["warnings"] += tuple(drifts(model, base.within(at[0], at[-1], "transient: base")))
     options.clock.mark("response")
     return History(times=at, method=method, timings=options.clock.timings, model=model, **fields)
 
@@ -209,19 +215,21 @@ def superposed(motion: ModalMotion, times: Float, file: FilePath) -> dict[str, A
 
 def integrated(
     motion: LinearMotion,
-    steps: Callable[[State], Iterable[tuple[State, float]]],
+    states: Iterator[tuple[State, float]],
     times: Float,
     file: FilePath,
     progress: Progress | None,
 ) -> dict[str, Any]:
-    """Fields of a `History`: states at ``times``, of the ``steps`` from the first one, and their
-    errors."""
+    """Fields of a `History` at ``times``, of ``states`` one step after the other from the first
+    instant on, and their errors."""
     worst, greatest, k = 0.0, 0.0, 1
-    before = motion.begin(times[0])
+    before, _ = next(states)
+    phase = PhaseError(motion.scheme)
     with storage(times, len(motion.displacements(before.u)), file) as fields:
         _keep(fields, 0, motion, (before.u, before.v, before.a), motion.energies(before))
-        for number, (after, error) in enumerate(steps(before), 1):
+        for number, (after, error) in enumerate(states, 1):
             slack = _SAME * (after.time - before.time)
+            phase.add(before, after)
             worst, greatest = np.fmax(worst, error), max(greatest, float(np.abs(after.u).max()))
             while k < len(times) and times[k] <= after.time + slack:
                 share = min((times[k] - before.time) / (after.time - before.time), 1.0)
@@ -234,14 +242,23 @@ def integrated(
             if k == len(times):
                 break
             before = after
-    message = f"{number} steps, {motion.message}"
     worst /= greatest if greatest > 0.0 else 1.0
-    told = (
-        f"a step is {worst:.1%} of the greatest displacement off: a shorter one (step_s of scenes; "
-        "of gs.transient also step='adaptive') resolves more of the motion"
-    )
-    warnings = () if worst <= _WARNED_ERROR else (told,)
-    return {**written(fields, file), "message": message, "warnings": warnings}
+    warnings = [
+        f"{text}: a shorter step (step_s of scenes; of gs.transient also step='adaptive') resolves "
+        "more of the motion"
+        for text, poor in (
+            (f"a step is {worst:.1%} of the greatest displacement off", worst > _WARNED_ERROR),
+            (f"vibration at {phase.frequency:.3g} Hz, the mean, lags by {phase.cycles:.1%} of a "
+             "cycle at the end", phase.cycles > _WARNED_LAG),
+        )
+        if poor
+    ]  # fmt: skip
+    how = {
+        "message": f"{number} steps, {motion.message}; {phase.cycles:.1e} cycles late at the end",
+        "warnings": tuple(warnings),
+        "unknowns": int(motion.equation.unknown.sum()),
+    }
+    return written(fields, file) | how
 
 
 def _keep(

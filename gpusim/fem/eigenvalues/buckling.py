@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Annotated
 
 import numpy as np
 
-from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
-from gpusim.fem.assembly.geometric_stiffness import geometric_stiffness
-from gpusim.fem.eigenvalues.davidson import Pencil, davidson
+from gpusim.fem.assembly.geometric_stiffness import GeometricStiffness
+from gpusim.fem.eigenvalues.davidson import Apply, Eigenpairs, Pencil, davidson
+from gpusim.fem.eigenvalues.modes import check_count
 from gpusim.fem.eigenvalues.rayleigh_quotients import AIM, sharpened
-from gpusim.fem.linear.shifted_solver import definite_solver
+from gpusim.fem.linear.shifted_solver import ShiftedSolver, definite_solver
 from gpusim.fem.linear.solve_plan import METHODS, Clock, Options
 from gpusim.fem.model.buckling import Buckling
+from gpusim.fem.model.mass import scalar_matrix
 from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.model.solution import Solution
 from gpusim.fem.procedures.statics import Tolerance, solve
@@ -29,6 +31,9 @@ _STATIC, _POOR = 0.1, 0.01
 _START = 8
 # a factor this many times as large as the smallest one of either sign isn't looked for
 _BEYOND = 1e4
+# of 1 over the lowest factor, from which on that of the load reversed is looked for as well: what
+# the search sees of it on the way may be half
+_NEAR = 0.5
 # stiffness by stress
 _LEAST = 1e-140
 
@@ -47,7 +52,8 @@ def buckling(
 
     Stress grows with the load, and the body stays as it is until then: good where it hardly moves
     before, as columns and plates in compression; shells and shallow arches may carry far less.
-    Loads keep their directions.
+    Loads keep their directions. Displacements that are given to supports are part of the load: they
+    grow with it.
 
     Parameters
     ----------
@@ -81,6 +87,7 @@ def buckling(
     require(cases == 1, "buckling model: load cases", cases, expected)
     called = progress is None or callable(progress)
     require(called, "buckling progress", repr(progress), "a function, or None")
+    check_count(model, count, "buckling")
     solution = solve(
         model, tolerance=_STATIC * tolerance, formulation=formulation, backend="numpy",
         method=method,
@@ -95,42 +102,36 @@ def buckling(
 
 def _found(model: Model, solution: Solution, count: int, options: Options) -> Buckling:
     equation = EquationOfMotion.of(model, options.formulation, None)
-    stress = geometric_stiffness(model, options.formulation, solution.u.reshape(-1, 3))
-    order = equation.inside(np.arange(solution.u.size, dtype=np.float64).reshape(1, -1, 3))
-    inside = order[0, :, 0].astype(np.int64) // 3
-    stress = stress[inside][:, inside]
+    inside, u = equation.element_mass.model, equation.inside(solution.u.reshape(1, -1, 3))[0]
+    of_cells = GeometricStiffness(inside, options.formulation, u, np.ones(1))
+    stress = scalar_matrix(inside.mesh, of_cells.at)
     # squares of less vanish
     stressed = bool(abs(stress).max() > _LEAST)
     require(stressed, "buckling: model: forces", "no stress", "a load, in ordinary units")
     solver = definite_solver(equation, 0.0, options)
     options.clock.mark("assembly")
-
-    def softening(x: Float) -> Float:
-        return -equation.scalar_product(stress, x)
-
-    none = np.zeros((0, len(equation.unknown)))
-    pencil = Pencil(
-        solver.energy, softening, solver.apply, equation.unknown, none, solver.weakest,
-        negligible=1.0 / _BEYOND,
-    )  # fmt: skip
-    require(count <= pencil.size, "buckling: count", count, f"at most {pencil.size}, the unknowns")
-    start, aim = pencil.random(_START, 0), (AIM - _STATIC) * options.tolerance
-    pairs = davidson(pencil, count, aim, start, options.progress)
-    size = max(float(np.abs(pairs.values).max()), -pairs.least)
-    positive = pairs.values > pencil.negligible * size
-    opposite = 1.0 / pairs.least if pairs.least < -pencil.negligible * size else -np.inf
+    softening = partial(equation.scalar_product, -stress)
+    pairs = _greatest(equation, solver, softening, count, options)
+    largest, least, settled = pairs.values[0], pairs.least, pairs.converged
+    positive = pairs.values > max(largest, -least) / _BEYOND
+    if least < -max(_NEAR * largest, -least / _BEYOND):
+        hardening = partial(equation.scalar_product, stress)
+        reverse = _greatest(equation, solver, hardening, 1, options)
+        least, settled = -reverse.values[0], settled and reverse.converged
+    opposite = 1.0 / least if least < -largest / _BEYOND else -np.inf
     if not positive.any():
         raise NotConverged(
             "buckling: model: forces; got no positive load factor; expected a load that compresses "
-            f"(reversed it buckles the body at {opposite:.4g} times itself, or before)"
+            f"(reversed it buckles the body at {opposite:.4g} times itself)"
         )
     mu, rows, rounding = sharpened(equation, softening, pairs.vectors[positive], options.tolerance)
     shapes = equation.displacements(rows)
     shapes /= np.abs(shapes).max(axis=(1, 2))[:, None, None]
     error = pairs.error[positive] + rounding + solution.error_estimate
     worst = float(error.max())
-    converged = pairs.converged and worst <= options.tolerance
+    converged = settled and worst <= options.tolerance
     message = f"estimated errors of up to {worst:.1e} after {pairs.steps} steps"
+    moved = bool(model.prescribed_cases.any())
     options.clock.mark("iteration")
     return Buckling(
         factors=1.0 / mu,
@@ -139,12 +140,27 @@ def _found(model: Model, solution: Solution, count: int, options: Options) -> Bu
         error_estimate=error,
         converged=converged,
         solution=solution,
-        unknowns=pencil.size,
+        unknowns=int(equation.unknown.sum()),
         steps=pairs.steps,
         message="converged" if converged else message,
-        warnings=solution.warnings,
+        warnings=(
+            *solution.warnings,
+            *("factors multiply the displacements of supports, too",) * moved,
+        ),
         timings=options.clock.timings,
         method="direct" if solver.exact else "multigrid",
         reasons=solver.plan.lines,
         model=model,
     )
+
+
+def _greatest(
+    equation: EquationOfMotion, solver: ShiftedSolver, inertia: Apply, count: int, options: Options
+) -> Eigenpairs:
+    """The ``count`` greatest mu of ``inertia`` x = mu K x, those that aren't negligible."""
+    none = np.zeros((0, len(equation.unknown)))
+    pencil = Pencil(
+        solver.energy, inertia, solver.apply, equation.unknown, none, solver.weakest, 1.0 / _BEYOND
+    )
+    start, aim = pencil.random(_START, 0), (AIM - _STATIC) * options.tolerance
+    return davidson(pencil, count, aim, start, options.progress)

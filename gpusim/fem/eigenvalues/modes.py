@@ -16,6 +16,7 @@ from gpusim.fem.eigenvalues.rayleigh_quotients import AIM, rayleigh_ritz, sharpe
 from gpusim.fem.eigenvalues.rigid_body_modes import RigidBodyModes, rigid_body_modes
 from gpusim.fem.linear.shifted_solver import ShiftedSolver, definite_solver, with_factors
 from gpusim.fem.linear.solve_plan import METHODS, Clock, Options
+from gpusim.fem.model.elimination import solved_for
 from gpusim.fem.model.mass import MASS_RULES
 from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.model.modes import Modes
@@ -31,6 +32,8 @@ _MOST = 1000
 _MEMORY = 0.5
 # of the greatest 1 / lambda: less belongs to motions without mass
 _MASSLESS = 1e-15
+# error of frequencies by that of a prestress, above which a warning says so
+_OPEN = 1e-5
 # rows to begin with; times that a shift is brought nearer to the lowest elastic value, and of that
 # the multiple beyond which modes are hard to tell apart
 _START, _SHIFTS, _FAR = 8, 6, 2.0
@@ -93,13 +96,12 @@ def modes(
     keep_freed_memory()
     names, clock = resolve_formulation(model, formulation), Clock()
     options = Options(method, None, "numpy", tolerance, None, None, progress, names, clock)
+    check_count(model, count if limits is None else 1, "modes")
     with one_blas_thread():
-        equation = _equation(model, names, mass, prestress)
+        equation = equation_about(prestress, model, names, mass, "modes")
         clock.mark("assembly")
         rigid = rigid_body_modes(equation)
-        unknowns = int(equation.unknown.sum())
-        most = int(count) if limits is None else min(int(count), unknowns)
-        require(most <= unknowns, "modes: count", count, f"at most {unknowns}, the unknowns")
+        most = min(int(count), int(equation.unknown.sum()))
         try:
             search = _Search(equation, rigid, options)
         except NotConverged as error:
@@ -112,7 +114,16 @@ def modes(
         found = search.lowest(most - len(rigid.names))
         if limits is not None:
             found = search.up_to((2.0 * np.pi * limits[1]) ** 2, found)
-        return _result(search, found, limits, int(count))
+        by_stress = np.zeros_like(found.error)
+        if prestress is not None:
+            by_stress = _errors_by_stress(equation, found, prestress, names)
+        return _result(search, found, limits, int(count), by_stress)
+
+
+def check_count(model: Model, count: int, what: str) -> None:
+    """Raises InputError, naming ``what``, for more modes than a model has unknowns."""
+    unknowns = int(solved_for(model).sum())
+    require(count <= unknowns, f"{what}: count", count, f"at most {unknowns}, the unknowns")
 
 
 def _limits(band: tuple[float, float]) -> Float:
@@ -122,15 +133,29 @@ def _limits(band: tuple[float, float]) -> Float:
     return limits
 
 
-def _equation(
-    model: Model, formulation: Mapping[str, str], mass: str, prestress: Solution | None
+def equation_about(
+    prestress: Solution | None, model: Model, formulation: Mapping[str, str], mass: str, what: str
 ) -> EquationOfMotion:
+    """Of a model about a state of it, or at rest. Raises InputError, naming ``what``, for another
+    model's."""
     if prestress is None:
         return EquationOfMotion.of(model, formulation, mass)
-    own = isinstance(prestress, Solution) and prestress.model is model
-    got, expected = type(prestress).__name__, "a Solution of this model"
-    require(own, "modes prestress", got, expected)
+    known = isinstance(prestress, Solution)
+    got = "one of another model" if known else repr(prestress)
+    own = known and prestress.model is model
+    require(own, f"{what}: prestress", got, "a Solution of this model, or None")
     return EquationOfMotion.at(prestress, formulation, mass)
+
+
+def _errors_by_stress(
+    equation: EquationOfMotion, found: _Elastic, state: Solution, formulation: Mapping[str, str]
+) -> Float:
+    """(k,) relative, of frequencies: what the error of a ``state`` leaves open of lambda is that
+    share of what the state has made of it, as stiffness is nearly linear in displacements."""
+    at_rest = EquationOfMotion.of(state.model, formulation, None)
+    x = at_rest.unknowns(equation.displacements(found.rows))
+    energy = np.einsum("ij,ij->i", x, at_rest.stiffness(x)) * at_rest.scale / equation.scale
+    return np.asarray(0.5 * state.error_estimate * np.abs(1.0 - energy / found.values))
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,9 +255,11 @@ def _least_count(equation: EquationOfMotion, value: float) -> float:
     return min(float(waves) / 3.0, float(equation.unknown.sum()))
 
 
-def _result(search: _Search, found: _Elastic, limits: Float | None, count: int) -> Modes:
+def _result(
+    search: _Search, found: _Elastic, limits: Float | None, count: int, by_stress: Float
+) -> Modes:
     """In the model's units, with what motions of its supports say: modes within ``limits`` (2,) Hz,
-    or the first ``count``."""
+    or the first ``count``; ``by_stress`` (k,): errors that aren't the iteration's."""
     equation, options, names = search.equation, search.options, search.rigid.names
     still = np.zeros(len(names))
     frequencies = np.concatenate([still, np.sqrt(found.values) / (2.0 * np.pi)])
@@ -247,6 +274,11 @@ def _result(search: _Search, found: _Elastic, limits: Float | None, count: int) 
     worst = float(error.max(initial=0.0))
     converged = found.settled and worst <= options.tolerance
     message = f"estimated errors of up to {worst:.1e} after {found.steps} steps"
+    error = error + np.concatenate([still, by_stress])[chosen]
+    told = (
+        f"frequencies are known to {by_stress.max(initial=0.0):.1e} alone, by the error of the "
+        "prestress, which is near buckling: a smaller tolerance of its solution mends that"
+    )
     options.clock.mark("iteration")
     return Modes(
         frequencies=frequencies,
@@ -260,8 +292,9 @@ def _result(search: _Search, found: _Elastic, limits: Float | None, count: int) 
         rigid=tuple(np.array(names)[chosen[: len(names)]].tolist()),
         unknowns=int(equation.unknown.sum()),
         steps=found.steps,
+        below=int(np.argmax(chosen)),
         message="converged" if converged else message,
-        warnings=(),
+        warnings=(told,) if (by_stress > _OPEN).any() else (),
         timings=options.clock.timings,
         method="direct" if search.solver.exact else "multigrid",
         reasons=search.solver.plan.lines,

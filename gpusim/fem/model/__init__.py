@@ -9,6 +9,7 @@ In the order in which data passes:
 - `model`: The model: mesh, materials, supports, loads and formulations.
 - `elimination`: Linear equations resolved: displacements given up and those they follow, u = T v +
   g.
+- `computation`: Computations: how an analysis went, which its result tells whatever it is.
 - `solution`: The solution of a model: displacements, and how far they can be trusted.
 - `supports`: Supports: planes of symmetry, and which rigid-body motions supports leave free.
 - `loads`: Consistent nodal forces: each function returns (N,3) float64, to be added up freely.

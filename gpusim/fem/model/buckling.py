@@ -5,26 +5,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gpusim.arrays.array_types import Float
-from gpusim.fem.model.model import Model
+from gpusim.fem.model.computation import Computation
 from gpusim.fem.model.solution import Solution
-from gpusim.field_summary import field_summary
 
 
-@dataclass(frozen=True, eq=False)
-class Buckling:
+@dataclass(frozen=True, eq=False, repr=False)
+class Buckling(Computation):
     """Load factors at which a body has a second equilibrium beside the first (linear buckling).
 
     factors : (n,) times the load, the lowest positive ones first; fewer than asked for where there
         are no more.
     shapes : (n,N,3), each with a greatest displacement of 1.
-    reversed_factor : negative: the load the other way around buckles the body at this factor or
-        before, perhaps at half of it: a bound that came for nothing; -inf where none did. Reverse
-        the load to know.
+    reversed_factor : negative: the greatest one of the load the other way around, as exact as the
+        others where it may be less than the lowest of these; else a bound that came for nothing: at
+        it or before, perhaps at half of it. -inf where none was seen.
     error_estimate : (n,) estimated relative error of the factors as the mesh has them.
-    converged : no estimate is above the tolerance asked for.
     solution : linear statics under the load itself.
-    unknowns, steps, message, warnings, timings, method, reasons, model : as `gpusim.Modes` has
-        them.
+    steps : of the iteration. converged, message and others : as all results have them.
 
     Examples
     --------
@@ -40,15 +37,5 @@ class Buckling:
     shapes: Float
     reversed_factor: float
     error_estimate: Float
-    converged: bool
     solution: Solution
-    unknowns: int
     steps: int
-    message: str
-    warnings: tuple[str, ...]
-    timings: dict[str, float]
-    method: str
-    reasons: tuple[str, ...] = ()
-    model: Model | None = None
-
-    __repr__ = field_summary

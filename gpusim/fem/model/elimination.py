@@ -74,6 +74,15 @@ class _Pivots:
     inverse: csr_matrix
 
 
+def solved_for(model: Model) -> Bool:
+    """(N,3) what of a model's displacements is unknown: neither held, nor given up, nor of a node
+    without cells. Raises InputError for equations that can't be resolved."""
+    assert model.fixed is not None
+    free, elimination = ~model.fixed, eliminate(model)
+    free[model.mesh.dangling_nodes] = False
+    return free if elimination is None else elimination.unknowns(free)
+
+
 def eliminate(model: Model) -> Elimination | None:
     """The equations of a model resolved; None where it has none.
 

@@ -8,13 +8,12 @@ from functools import cached_property
 import numpy as np
 
 from gpusim.arrays.array_types import Complex, Float
-from gpusim.fem.model.model import Model
-from gpusim.field_summary import field_summary
+from gpusim.fem.model.computation import Computation
 from gpusim.validation import Finite, checked, require
 
 
-@dataclass(frozen=True, eq=False)
-class HarmonicResponse:
+@dataclass(frozen=True, eq=False, repr=False)
+class HarmonicResponse(Computation):
     """Steady vibration u(t) = Re(u exp(i 2 pi f t)) at each of ``frequencies`` (F,) Hz, in the
     model's units.
 
@@ -23,6 +22,7 @@ class HarmonicResponse:
         static response.
     base : (3,) complex amplitude of the base's acceleration, None where it rests. ``u`` is relative
         to the base; `absolute` has its motion in it.
+    message, warnings, unknowns, method, timings, model : as all results have them.
 
     Examples
     --------
@@ -41,9 +41,7 @@ class HarmonicResponse:
     coordinates: Complex
     shapes: Float
     truncation: Float
-    model: Model
     base: Complex | None = None
-    __repr__ = field_summary
 
     @cached_property
     def u(self) -> Complex:

@@ -5,15 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
-from gpusim.fem.model.model import Model
-from gpusim.field_summary import field_summary
+from gpusim.fem.model.computation import Computation
 from gpusim.files.atomic_files import atomic_path
 from gpusim.files.hdf5_file import writing_hdf5
 from gpusim.parallel.machine import host_memory
@@ -98,8 +97,8 @@ class EnergyHistory:
         return float(np.abs(self.imbalance).max()) / (size if size > 0.0 else 1.0)
 
 
-@dataclass(frozen=True, eq=False)
-class History:
+@dataclass(frozen=True, eq=False, repr=False)
+class History(Computation):
     """A motion over time; units are the model's.
 
     times : (T,) instants.
@@ -110,8 +109,8 @@ class History:
     energy : see `gpusim.fem.EnergyHistory`.
     modal : of modal superposition: the motion at any instant, exactly
         (`gpusim.fem.dynamics.modal_superposition.ModalMotion`); None of steps.
-    method : "modal", "newmark", "hht" or "generalized-alpha". message : how it was computed.
-    warnings : what a reader should know. timings : seconds per part. model : what moved.
+    method : "modal", "newmark", "hht" or "generalized-alpha". message, warnings, unknowns, timings,
+        model : as all results have them.
 
     Examples
     --------
@@ -132,13 +131,7 @@ class History:
     v: Series
     a: Series
     energy: EnergyHistory
-    method: str
-    message: str
-    warnings: tuple[str, ...]
-    timings: dict[str, float]
-    model: Model
-    modal: ModalMotion | None = field(default=None, repr=False)
-    __repr__ = field_summary
+    modal: ModalMotion | None = None
 
     def at(self, time: float) -> tuple[Float, Float]:
         """Displacement and velocity (N,3) at any instant from the first to the last: exact of modal

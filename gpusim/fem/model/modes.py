@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.fem.model.model import Model
-from gpusim.field_summary import field_summary
+from gpusim.fem.model.computation import Computation
 
 
-@dataclass(frozen=True, eq=False)
-class Modes:
+@dataclass(frozen=True, eq=False, repr=False)
+class Modes(Computation):
     """Natural frequencies and mode shapes; units are the model's.
 
     frequencies : (n,) Hz, the lowest first: 0 for rigid-body modes.
@@ -22,13 +21,12 @@ class Modes:
     effective_mass : (n,6), their squares: what of ``total_mass`` (6,), three masses and three
         moments of inertia about the centre, a mode takes up.
     error_estimate : (n,) estimated relative error of the frequencies as the mesh has them, rounding
-        included; the mesh's own isn't in it. Shapes are off by about its root, as angles; where
-        frequencies differ by less than a half per cent, so that any small change of the body mixes
-        their shapes, their common span is.
-    converged : no estimate is above the tolerance asked for.
+        and what the error of a prestress does included; the mesh's own isn't in it. Shapes are off
+        by about its root, as angles; where frequencies differ by less than a half per cent, so that
+        any small change of the body mixes their shapes, their common span is.
     rigid : names of the rigid-body modes, which come first and are exact.
-    steps : of the iteration. unknowns, message, warnings, timings, method, reasons, model : as
-        `gpusim.Solution` has them.
+    below : how many lower ones were left out, as of a band.
+    steps : of the iteration. converged, message and others : as all results have them.
 
     Examples
     --------
@@ -49,18 +47,9 @@ class Modes:
     total_mass: Float
     centre: Float
     error_estimate: Float
-    converged: bool
     rigid: tuple[str, ...]
-    unknowns: int
     steps: int
-    message: str
-    warnings: tuple[str, ...]
-    timings: dict[str, float]
-    method: str
-    reasons: tuple[str, ...] = ()
-    model: Model | None = None
-
-    __repr__ = field_summary
+    below: int = 0
 
     @property
     def angular(self) -> Float:

@@ -10,7 +10,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.display import notebook_html, plotted
-from gpusim.fem.model.model import Model
+from gpusim.fem.model.computation import Computation
 from gpusim.field_summary import field_summary
 
 if TYPE_CHECKING:
@@ -87,12 +87,11 @@ def load_path_results(steps: Sequence[LoadStep], last: LoadStep) -> dict[str, An
     }
 
 
-@dataclass(frozen=True, eq=False)
-class Solution:
+@dataclass(frozen=True, eq=False, repr=False)
+class Solution(Computation):
     """Displacements and how far they can be trusted; units are the model's.
 
     u : (N,3) float64, or (L,N,3) where the model has several load cases.
-    converged : the estimate is at or below the tolerance asked for, in every load case.
     error_estimate : estimated relative error of u (see ``krylov.error_estimates`` and
     ``iterative_refinement``), the worst
         load case; it is computed from the true float64 residual, not from the recursive one.
@@ -107,11 +106,9 @@ class Solution:
         last step (NaN where a law doesn't tell it), and the work of loads and supports up to there
         by the trapezoidal rule: of one step it may be off by half, of ten by a percent. What
         they differ by is that, what has been dissipated, and what heat has done.
-    unknowns : free degrees of freedom, less those that constraints give up. message : why the solve
-        ended. warnings : what a reader should know (dangling nodes). timings : seconds per part.
-        backend, real, method, element_classes : how it was computed. reasons : the
-        solver's choices and why, one a line. model : what was solved; None where nobody said it.
-        steps : of a nonlinear analysis, in their order; u and reactions are those of the last one.
+    backend, real, element_classes : how it was computed. converged, message, warnings, unknowns,
+        method, reasons, timings, model : as all results have them.
+    steps : of a nonlinear analysis, in their order; u and reactions are those of the last one.
 
     Examples
     --------
@@ -124,26 +121,16 @@ class Solution:
     """
 
     u: Float
-    converged: bool
     error_estimate: float
     iterations: int
     residuals: Float
     reactions: Float
     strain_energy: Float
     external_work: Float
-    unknowns: int
-    message: str
-    warnings: tuple[str, ...]
-    timings: dict[str, float]
     backend: str
     real: str
-    method: str
     element_classes: int
-    reasons: tuple[str, ...] = ()
-    model: Model | None = None
     steps: tuple[LoadStep, ...] = ()
-
-    __repr__ = field_summary
 
     def _repr_html_(self) -> str | None:
         return notebook_html("solution", self)

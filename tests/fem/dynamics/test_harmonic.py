@@ -131,8 +131,27 @@ def test_modes_that_are_known_are_taken() -> None:
     other = gs.modes(gs.Model(BAR, gs.Isotropic(180e9, 0.3, density=7850.0), HELD), 8)
     with pytest.raises(InputError, match="modes; got others"):
         gs.harmonic(model, [60.0], modes=other)
-    with pytest.raises(InputError, match="modes; got others"):
-        gs.harmonic(model, [60.0], modes=gs.modes(model, band=(400.0, 3000.0)))
+
+
+def test_what_modes_cant_do_is_told_before_any_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = shaken()
+    known, some = gs.modes(model, 8), gs.modes(model, band=(400.0, 3000.0))
+    assert (known.below, some.below) == (0, 2)
+    monkeypatch.delattr(EquationOfMotion, "of")
+    with pytest.raises(InputError, match="modes; got 2 lower ones left out"):
+        gs.harmonic(model, [60.0], modes=some)
+    with pytest.raises(
+        InputError, match=r"up to 1e\+06 Hz; expected less than [\d.]+ Hz, the last"
+    ):
+        gs.harmonic(model, [60.0, 1e6], modes=known)
+    with pytest.raises(
+        InputError, match="harmonic: count; got 1000; expected at most 60, the unkn"
+    ):
+        gs.harmonic(model, [60.0], count=1000)
+    with pytest.raises(InputError, match="modes: count; got 61; expected at most 60, the unknowns"):
+        gs.modes(model, 61)
+    with pytest.raises(InputError, match="frequency_response: unknown argument; got 'modus'"):
+        gs.frequency_response(model, [60.0], at=(9, "x"), modus=known)  # type: ignore[call-arg]
 
 
 def tied() -> gs.Model:

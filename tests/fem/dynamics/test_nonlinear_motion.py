@@ -170,11 +170,11 @@ def test_the_first_acceleration_may_be_slowed_by_stiffness(moving: type[LinearMo
     model, onset = vibrating_bar(), 0.02
     names, still = resolve_formulation(model, None), np.zeros(model.mesh.points.shape)
     factors = gs.Record([0.0, 1.0], 1e-6 * np.ones((2, 2)))
-    problem = InitialValueProblem(model, names, "exact", factors, still, still, onset)
+    problem = InitialValueProblem(model, names, "exact", factors, still, still)
     options = Options("auto", None, "numpy", 1e-9, None, None, None, names, Clock())
     motion = moving(problem, Scheme.named("newmark", 1.0), gs.Rayleigh(), options)
     k, m, free = matrices(model)
     push = 1e-6 * model.load_cases.sum(axis=0).ravel()[free]
     expected = np.linalg.solve(m + onset * k, push)
-    got = motion.displacements(motion.begin(0.0).a).ravel()[free]
+    got = motion.displacements(motion.begin(0.0, onset).a).ravel()[free]
     assert greatest(got - expected, expected) <= 1e-8

@@ -162,7 +162,7 @@ def test_what_is_refused() -> None:
         gs.random_response(MODEL, flat, damping=gs.ModalDamping([0.02, 0.0]))
     with pytest.raises(InputError, match="base"):
         gs.random_response(MODEL, flat, damping=gs.ModalDamping(0.02), base=(0, np.inf, 0))
-    with pytest.raises(InputError, match="modes count"):
+    with pytest.raises(InputError, match="random_response count"):
         gs.random_response(MODEL, ([10, 90], [1, 1]), damping=gs.ModalDamping(0.02), count=0)
     with pytest.raises(InputError, match=r"random response: psd; got .*beyond 4 modes that lack"):
         gs.random_response(MODEL, ([10, 1e5], [1, 1]), damping=gs.ModalDamping(0.02), count=4)

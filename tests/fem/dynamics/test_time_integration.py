@@ -215,9 +215,10 @@ def test_adaptive_steps_have_the_error_that_is_asked_for() -> None:
 
 def test_a_step_too_long_is_said() -> None:
     coarse, fine = (first_mode("newmark", 2, per_cycle)[0] for per_cycle in (8, 64))
-    (warning,) = coarse.warnings
-    assert "of the greatest displacement off" in warning
-    assert "a shorter one (step_s of scenes" in warning
+    error, lag = coarse.warnings
+    assert "of the greatest displacement off" in error
+    assert "a shorter step (step_s of scenes" in error
+    assert "of a cycle at the end" in lag
     assert fine.warnings == ()
 
 

@@ -186,3 +186,24 @@ def test_modes_that_are_poor_carry_no_motion(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr("gpusim.fem.dynamics.transient.modes", lambda *_, **__: poor)
     with pytest.raises(NotConverged, match="modes; got no luck"):
         gs.transient(model, times=TIMES)
+
+
+@pytest.mark.parametrize("method", ["modal", "newmark"])
+def test_why_a_body_drifts_on_a_moving_ground_is_said(method: str) -> None:
+    bar = gs.mesh.box((1.0, 0.1, 0.1), (4, 1, 1))
+    held = np.isclose(bar.points[:, :1], 0.0).repeat(3, axis=1)
+    steel, times = gs.Isotropic(210e9, 0.3, density=7850.0), np.linspace(0.0, 1.0, 401)
+    options = {"times": times, "method": method, "step": None if method == "modal" else 2.5e-3}
+
+    def warnings(model: gs.Model, course: Float) -> tuple[str, ...]:
+        ground = gs.Record(times, np.outer(course, [0.0, 1.0, 0.0]))
+        found = gs.transient(model, base=ground, loads=0.0 * times, count=8, **options)
+        return tuple(text for text in found.warnings if "base" in text)
+
+    to_and_fro, away = np.cos(40.0 * np.pi * times), np.sin(40.0 * np.pi * times)
+    assert warnings(gs.Model(bar, steel, held), to_and_fro) == ()
+    # 1 / omega, for a second
+    (gone,) = warnings(gs.Model(bar, steel, held), away)
+    assert "goes away along y, by 0.00789" in gone and "mean velocity of 0.00789" in gone
+    (loose,) = warnings(gs.Model(bar, steel), to_and_fro)
+    assert "supports leave the body free" in loose

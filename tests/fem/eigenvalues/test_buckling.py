@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -9,6 +11,7 @@ from scipy.linalg import eigh
 
 import gpusim as gs
 from gpusim.errors import InputError, NotConverged
+from gpusim.fem.eigenvalues import buckling as procedure
 from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.elements.strain import point_stress
 from gpusim.fem.model.elimination import eliminate
@@ -104,15 +107,21 @@ def test_elements_against_dense_eigenvalues(kind: str, formulation: str) -> None
     positive = np.sort(factors[factors > 0.0])
     assert found.converged
     assert np.abs(found.factors / positive[:4] - 1.0).max() <= 1e-6
-    # a bound
+    # of this load the other way around a bound, of that one the other way around the factor
     least = factors[factors < 0.0].max()
     assert 1.05 * least <= found.reversed_factor <= least * (1.0 - 1e-6)
+    assert model.forces is not None
+    back = gs.buckling(replace(model, forces=-model.forces), 1, formulation={kind: formulation})
+    assert back.reversed_factor == pytest.approx(-positive[0], rel=1e-6)
 
 
 def test_multigrid_finds_the_same() -> None:
     model = pushed(linear_mesh("hex8", (6, 5, 5), 0.02), (-1.0, 0.2, 0.0))
     one, other = (gs.buckling(model, 3, method=method) for method in ("direct", "multigrid"))
     assert other.method == "multigrid"
+    assert model.forces is not None
+    with pytest.raises(NotConverged, match=f"buckles the body at {-one.factors[0]:.4g} times"):
+        gs.buckling(replace(model, forces=-model.forces), 1, method="multigrid")
     assert other.converged
     assert np.abs(one.factors / other.factors - 1.0).max() <= 1e-6
 
@@ -135,10 +144,12 @@ def test_constraints_and_prescribed_displacements() -> None:
     )  # fmt: skip
     assert eliminate(model) is not None
     critical = np.pi**2 * 0.05**2 / 12.0 / 1e-3
-    assert gs.buckling(model, 1).factors[0] == pytest.approx(critical, rel=0.02)
+    found = gs.buckling(model, 1)
+    assert found.factors[0] == pytest.approx(critical, rel=0.02)
+    assert found.warnings == ("factors multiply the displacements of supports, too",)
 
 
-def test_what_doesnt_buckle_is_told() -> None:
+def test_what_doesnt_buckle_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     model = column()
     with pytest.raises(NotConverged, match="no positive load factor"):
         gs.buckling(column(1.0), 2)
@@ -156,5 +167,6 @@ def test_what_doesnt_buckle_is_told() -> None:
         with pytest.raises(InputError, match=text):
             gs.buckling(model, **wrong)  # type: ignore[arg-type]
     tiny = pushed(gs.mesh.box((1.0, 0.1, 0.1), (1, 1, 1)), (-1.0, 0.0, 0.0))
-    with pytest.raises(InputError, match="at most 12"):
+    monkeypatch.delattr(procedure, "solve")
+    with pytest.raises(InputError, match="buckling: count; got 13; expected at most 12"):
         gs.buckling(tiny, 13)

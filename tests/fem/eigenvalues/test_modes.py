@@ -136,6 +136,43 @@ def test_prestress_softens_and_stiffens_as_beam_theory_says(load: float, geometr
     assert stressed / gs.modes(model, 1).frequencies[0] == pytest.approx(expected, rel=3e-3)
 
 
+@pytest.mark.parametrize("quadratic", [False, True])
+@pytest.mark.parametrize("finite", [False, True])
+def test_linear_theory_stresses_a_bent_body_as_the_equilibrium_does(
+    quadratic: bool, finite: bool
+) -> None:
+    """Membrane stress of second order, which linear displacements would make, isn't there: it would
+    double the first frequency."""
+    mesh = gs.mesh.box((1.0, 0.1, 0.05), (8, 2, 2))
+    mesh = gs.mesh.quadratic(mesh) if quadratic else mesh
+    end = gs.mesh.select_faces(mesh, name="x_max")
+    model = replace(held(mesh), forces=gs.fem.face_force(mesh, end, total=(0, 0, -2e4)))
+    linear, bent = (gs.fem.solve(model, geometry=one) for one in ("linear", "nonlinear"))
+    assert linear.u[:, 2].min() < -0.028
+    if finite:
+        law = gs.fem.SaintVenantKirchhoff(STEEL.E, STEEL.nu, density=STEEL.density)
+        linear = replace(linear, model=replace(model, materials=[law]))
+    found = gs.modes(linear.model, 4, prestress=linear).frequencies
+    assert np.abs(found / gs.modes(model, 4, prestress=bent).frequencies - 1.0).max() <= 1e-3
+
+
+def test_the_error_of_a_prestress_is_stated() -> None:
+    """Near buckling frequencies change by 500 times what stress changes by."""
+    model = cantilever(-1.0)
+    assert model.forces is not None
+    critical = 0.999 * gs.buckling(model, 1).factors[0]
+    model = replace(model, forces=critical * model.forces)
+    state = gs.fem.solve(model, tolerance=1e-10)
+    off = replace(state, u=state.u * (1.0 - 1e-6), error_estimate=1e-6)
+    right, found = (gs.modes(model, 2, prestress=one) for one in (state, off))
+    moved = np.abs(found.frequencies / right.frequencies - 1.0)
+    assert moved[0] > 4e-4
+    assert np.allclose(found.error_estimate, moved, rtol=0.01)
+    assert found.converged and right.error_estimate.max() <= 1e-7
+    (said,) = found.warnings
+    assert "known to 5.0e-04 alone, by the error of the prestress" in said
+
+
 def test_an_unstable_state_has_no_modes() -> None:
     model = cantilever(-1.2)
     state = gs.fem.solve(model)
@@ -233,9 +270,9 @@ def test_what_cant_vibrate_is_told() -> None:
     ):
         with pytest.raises(InputError, match=text):
             gs.modes(model, **wrong)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="a Solution of this model"):
+    with pytest.raises(InputError, match="one of another model; expected a Solution of this"):
         gs.modes(model, prestress=gs.fem.solve(held(mesh)))
-    with pytest.raises(InputError, match="got int; expected a Solution of this model"):
+    with pytest.raises(InputError, match="got 3; expected a Solution of this model"):
         gs.modes(model, prestress=3)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="got NoneType; expected a Model"):
         gs.modes(None)  # type: ignore[arg-type]

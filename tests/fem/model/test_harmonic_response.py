@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -12,13 +14,14 @@ from gpusim.fem import HarmonicResponse
 BAR = gs.mesh.box(size=(3.0, 1.0, 2.0), divisions=(3, 1, 2))
 MODEL = gs.Model(BAR, gs.Isotropic(50.0, 0.3, density=2.0))
 FREQUENCIES = np.array([0.5, 2.0])
+TOLD: dict[str, Any] = {"unknowns": 72, "method": "modal", "timings": {}, "model": MODEL}
 
 
 def response(base: np.ndarray | None = None) -> HarmonicResponse:
     random = np.random.default_rng(3)
     shapes = random.normal(size=(4, BAR.node_count, 3))
     coordinates = random.normal(size=(2, 4)) + 1j * random.normal(size=(2, 4))
-    return HarmonicResponse(FREQUENCIES, coordinates, shapes, np.zeros(2), MODEL, base)
+    return HarmonicResponse(FREQUENCIES, coordinates, shapes, np.zeros(2), base, **TOLD)
 
 
 @pytest.mark.parametrize("phase", [0.0, 0.7, -2.0])
@@ -51,8 +54,8 @@ def test_what_is_refused() -> None:
     with pytest.raises(InputError, match="phase"):
         response().velocity(0, np.nan)
     standing = HarmonicResponse(
-        np.array([0.0]), np.ones((1, 1), complex), np.zeros((1, 4, 3)), np.zeros(1), MODEL,
-        np.ones(3, complex),
+        np.array([0.0]), np.ones((1, 1), complex), np.zeros((1, 4, 3)), np.zeros(1),
+        np.ones(3, complex), **TOLD,
     )  # fmt: skip
     with pytest.raises(InputError, match="0 Hz"):
         standing.absolute()
