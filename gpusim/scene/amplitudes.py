@@ -11,7 +11,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from gpusim.scene.description.analysis import AnalysisTable
+from gpusim.scene.description.analysis.analysis_table import AnalysisTable
 from gpusim.scene.description.model import Amplitude, Body
 
 Share = tuple[int, float]

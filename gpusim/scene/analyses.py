@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpusim.errors import InputError
 from gpusim.scene.amplitudes import load_groups
-from gpusim.scene.description.analysis import ANALYSIS_TYPES, AnalysisType
+from gpusim.scene.description.analysis.analysis_table import ANALYSIS_TYPES, AnalysisType
 from gpusim.scene.faults import schema_places
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from gpusim.scene.description.analysis import AnalysisTable
+from gpusim.scene.description.analysis.analysis_table import AnalysisTable
 from gpusim.scene.description.mesh import CAD_SUFFIXES
 from gpusim.scene.description.model import Body, CameraTable, OutputTable, SensorTable
 from gpusim.scene.scene import SECTIONS, Scene

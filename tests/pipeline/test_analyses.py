@@ -18,7 +18,7 @@ from gpusim.errors import InputError, SceneError
 from gpusim.plan.plan import make_plan
 from gpusim.scene import json_schema
 from gpusim.scene.analyses import ANALYSES, add_analysis
-from gpusim.scene.description.analysis import ANALYSIS_TYPES
+from gpusim.scene.description.analysis.analysis_table import ANALYSIS_TYPES
 from gpusim.scene.faults import schema_places
 from gpusim.scene.frames import frame_table
 from gpusim.view.content.loading import load_content

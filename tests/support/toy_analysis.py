@@ -17,7 +17,7 @@ from gpusim.motion import State
 from gpusim.plan.stage_builder import StageBuilder
 from gpusim.scene import Scene
 from gpusim.scene.analyses import AnalysisKind, States, add_analysis
-from gpusim.scene.description.analysis import AnalysisType
+from gpusim.scene.description.analysis.analysis_table import AnalysisType
 
 Float = npt.NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from typing import Annotated, Any, ClassVar, get_args
 from pydantic import Field, GetCoreSchemaHandler
 from pydantic_core import CoreSchema
 
-from .table import Name, Table
+from gpusim.scene.tables.table import Name, Table
 
 Entry = Mapping[str, Any]
 MeasureFault = tuple[tuple[str | int, ...], str, Any, str]

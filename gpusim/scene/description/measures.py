@@ -8,17 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from gpusim.choices import LensModel
-
-from .correlation_measures import (
-    CorrelationTable,
-    ExtensometerTable,
-    GaugeTable,
-    LineMeasureTable,
-    PointMeasureTable,
-)
-from .loads import WhereTable
-from .measure_table import TABLES, AnyKind, MeasureFault, MeasureTable
-from .table import (
+from gpusim.scene.tables.table import (
     Length,
     Listed,
     Name,
@@ -33,6 +23,16 @@ from .table import (
     norm,
     tables_of,
 )
+
+from .analysis.loads import WhereTable
+from .correlation_measures import (
+    CorrelationTable,
+    ExtensometerTable,
+    GaugeTable,
+    LineMeasureTable,
+    PointMeasureTable,
+)
+from .measure_table import TABLES, AnyKind, MeasureFault, MeasureTable
 
 
 class PublishedTable(Table):

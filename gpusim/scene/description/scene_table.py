@@ -8,10 +8,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .analysis import AnalysisTable
+from gpusim.scene.tables.table import Listed, Name, Table, Words, fault
+
+from .analysis.analysis_table import AnalysisTable
+from .analysis.loads import Amplitude, Load, LoadTable, SupportTable, TieTable, WhereTable
 from .camera import CameraTable
 from .lights import LightTable
-from .loads import Amplitude, Load, LoadTable, SupportTable, TieTable, WhereTable
 from .material import MaterialTable
 from .measures import AnyMeasure
 from .mesh import (
@@ -26,7 +28,6 @@ from .paint import Paint, PaintTable, not_by_uv
 from .processing import OutputTable, RenderTable, SolverTable, VariantTable
 from .prop import CalibrationTable, PropTable
 from .sensor import SensorTable
-from .table import Listed, Name, Table, Words, fault
 
 
 @dataclass(frozen=True)

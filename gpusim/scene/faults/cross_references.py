@@ -10,11 +10,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from gpusim.errors import Fault, similar_name
-from gpusim.scene.description.analysis import ANALYSIS_TYPES, frame_count
+from gpusim.scene.description.analysis.analysis_table import ANALYSIS_TYPES, frame_count
 from gpusim.scene.description.material import FINITE_STRAIN, FLOWING, NO_FLOW
 from gpusim.scene.description.measure_table import TABLES
 from gpusim.scene.description.mesh import NOTCHABLE, SETS
-from gpusim.scene.description.table import Words, tables_of
+from gpusim.scene.tables.table import Words, tables_of
 
 from .faults import value_text
 from .key_paths import Keys, dotted, listed

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from gpusim.errors import Fault, InputError, similar_name
 from gpusim.printable import printable
-from gpusim.scene.description.table import Words, name_and_unit
+from gpusim.scene.tables.table import Words, name_and_unit
 
 from .key_paths import Keys, Origins, dotted, origin_of
 from .schema_places import Place, expected, locate

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from gpusim.scene.description.analysis import ANALYSIS_TYPES
-from gpusim.scene.description.table import Words, tables_of
+from gpusim.scene.description.analysis.analysis_table import ANALYSIS_TYPES
+from gpusim.scene.tables.table import Words, tables_of
 
 from .key_paths import Keys
 

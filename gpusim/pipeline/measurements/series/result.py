@@ -19,7 +19,7 @@ from gpusim.pipeline.measurements.results import Reported, Result, rms
 from gpusim.pipeline.pictures.file_names import image_path
 from gpusim.report import Measurement, Overlay, Series
 from gpusim.scene import Scene
-from gpusim.scene.description.table import name_and_unit
+from gpusim.scene.tables.table import name_and_unit
 
 MOST_ROWS, MOST_CURVES = 8, 6
 """Places whose numbers are told one by one; profiles in a figure."""

@@ -11,7 +11,17 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
-from .table import Count, Direction, Length, Listed, Names, PositivePair, Table, Words, fault
+from gpusim.scene.tables.table import (
+    Count,
+    Direction,
+    Length,
+    Listed,
+    Names,
+    PositivePair,
+    Table,
+    Words,
+    fault,
+)
 
 Geometry = Literal["auto", "linear", "nonlinear"]
 MassRule = Literal["exact", "calculix", "lumped"]
