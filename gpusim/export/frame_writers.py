@@ -63,7 +63,7 @@ class Codec:
 
     ``options`` and ``container_options`` are FFmpeg's. Up to the rate ``fastest``, Hz, its clock
     tells frames apart, or a screen shows them. ``formats`` are those in which pictures are stored
-    that it doesn't take as they are.
+    that it doesn't take as they are; their sides are multiples of ``sides``.
     """
 
     container: str
@@ -73,6 +73,7 @@ class Codec:
     formats: Mapping[str, str]
     container_options: Mapping[str, str] = field(default_factory=dict)
     preview: bool = True
+    sides: int = 1
 
 
 FFV1 = Codec("matroska", "ffv1", {"level": "3", "slicecrc": "1", "g": "1"}, 500.0,
@@ -80,7 +81,7 @@ FFV1 = Codec("matroska", "ffv1", {"level": "3", "slicecrc": "1", "g": "1"}, 500.
 """Key frames alone; a checksum finds damage. Matroska's clock has 1 ms."""
 MP4 = Codec("mp4", "libx264", {"crf": "18", "preset": "veryfast"}, 60.0,
             {"gray": "yuv420p", "rgb24": "yuv420p"},
-            {"movflags": "faststart+use_metadata_tags"})  # fmt: skip
+            {"movflags": "faststart+use_metadata_tags"}, sides=2)  # fmt: skip
 GIF = Codec("gif", "gif", {}, 50.0, {"rgb24": "rgb8"})
 _FORMATS = {(2, 1): "gray", (2, 2): "gray16le", (3, 1): "rgb24", (3, 2): "rgb48le"}
 """By an image's dimensions and bytes."""
@@ -130,13 +131,14 @@ class ContainerWriter:
         """A video holds all."""
 
     def _prepared(self, image: Image) -> Image:
-        """As it is stored; of previews the upper 8 bits, with sides that are even."""
+        """As it is stored; of previews the upper 8 bits, with edges repeated."""
         if not self.codec.preview:
             return np.ascontiguousarray(image)
         if image.itemsize > 1:
             image = (image >> max(self.take.bits - 8, 0)).astype(np.uint8)
-        odd = [(0, size % 2) for size in image.shape[:2]] + [(0, 0)] * (image.ndim - 2)
-        return np.ascontiguousarray(np.pad(image, odd, mode="edge"))
+        more = [(0, -size % self.codec.sides) for size in image.shape[:2]]
+        more += [(0, 0)] * (image.ndim - 2)
+        return np.ascontiguousarray(np.pad(image, more, mode="edge"))
 
 
 class PhotronWriter:

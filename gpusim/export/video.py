@@ -9,7 +9,6 @@ import hashlib
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from functools import partial
-from itertools import count
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self
@@ -204,16 +203,19 @@ def write_video(
     """
     if times is None and isinstance(frames, FrameSource) and np.isfinite(frames.times).all():
         times = frames.times
-    taken: Iterable[float]
-    if times is None:
-        if frame_rate is None:
-            raise InputError("write_video: got neither; expected `times` or `frame_rate`")
-        taken = (number / frame_rate for number in count())
-    else:
+    taken = None
+    if times is not None:
         taken = real_numbers(times, "write_video times")
         frame_rate = frame_rate or 1.0 / float(np.diff(taken).mean() if len(taken) > 1 else 1.0)
+    if frame_rate is None:
+        raise InputError("write_video: got neither; expected `times` or `frame_rate`")
     with VideoSink(path, frame_rate, bits=bits, line_time=line_time, verify=verify) as sink:
-        given = zip(frames, taken, strict=times is not None)
-        for image, time in given:
-            sink.append(np.asarray(image), float(time))
+        number = 0
+        for number, image in enumerate(frames, start=1):
+            if taken is None:
+                sink.append(np.asarray(image), (number - 1) / frame_rate)
+            elif number <= len(taken):
+                sink.append(np.asarray(image), float(taken[number - 1]))
+        if taken is not None and number != len(taken):
+            raise InputError(f"times: got {len(taken)}; expected {number}, one a frame")
     return Path(path)

@@ -29,6 +29,7 @@ _TIMES = 1002
 """The tag of their block."""
 _SECOND = 2.0**32
 _MOST_BLOCKS = 1000
+_NOTE = 8  # bytes at least, before a frame's pixels
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ def _recording(path: Path, stream: BinaryIO) -> Recording:
     stream.seek(table)
     offsets = np.frombuffer(stream.read(8 * min(count, (end - min(table, end)) // 8)), "<i8")
     frames = _Frames(path, offsets, shape, bits, height > 0 == packing)
-    whole = np.append((offsets > 0) & (offsets <= end - frames.size), False)
+    whole = np.append((offsets > 0) & (offsets <= end - frames.size - _NOTE), False)
     there = int(np.argmin(whole))
     require(there > 0, where, f"no whole frame of {count}", "at least one")
     notes = [f"{path}: is cut off: {there} frames of {count}"] if there < count else []

@@ -7,6 +7,7 @@ for: one after the other goes on where the decoder stands, any other begins at i
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from fractions import Fraction
@@ -30,6 +31,8 @@ START_TAG = "START_TIME_S"
 _FORMATS = "avi,matroska,webm,mov,mp4,m4a,3gp,3g2,mj2"
 """No list of other files or addresses (HLS, concat) is followed, whatever a file's bytes say."""
 _CUT = 0.5  # frames
+_FEW, _ONES = 10, 0xFFFFFFFF
+_MIRRORED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
 def read_container(path: Path) -> Recording:
@@ -83,19 +86,22 @@ class _Decoder:
 
     def _index(self) -> None:
         """Stamps of all frames, in the order in which they are shown, and which are key frames."""
-        stamps, self.broken = [], ""
+        rows, self.broken = [], ""
+        sums = self.stream.codec_context.name == "ffv1"
         try:
             for packet in self.container.demux(self.stream):
                 if packet.size and not packet.is_discard and not packet.is_corrupt:
-                    stamps.append((packet.pts, packet.is_keyframe))
+                    good = sums and checksums_agree(bytes(packet))
+                    rows.append((packet.pts, packet.is_keyframe, good))
         except Exception as error:  # what was read so far is whole
             self.broken = type(error).__name__
-        self.stamped = all(stamp is not None for stamp, _ in stamps)
-        self.stamped &= len({stamp for stamp, _ in stamps}) == len(stamps)
-        stamps = sorted(stamps) if self.stamped else list(enumerate(key for _, key in stamps))
-        require(len(stamps) > 0, f"video: {self.path}", "no frame that is whole", "at least one")
-        self.stamps = np.array([stamp for stamp, _ in stamps], np.int64)
-        self.keys = np.flatnonzero([key for _, key in stamps])
+        require(len(rows) > 0, f"video: {self.path}", "no frame that is whole", "at least one")
+        stamps, keys, good = zip(*rows, strict=True)
+        self.stamped = None not in stamps and len(set(stamps)) == len(stamps)
+        order = np.argsort(stamps) if self.stamped else np.arange(len(stamps))
+        self.stamps = np.array(stamps if self.stamped else order, np.int64)[order]
+        self.keys = np.flatnonzero(np.array(keys)[order])
+        self.damaged = ~np.array(good)[order] & any(good)  # where none agrees, there are none
 
     def recording(self) -> Recording:
         """Times as the file has them, and what is to be said of it."""
@@ -107,6 +113,9 @@ class _Decoder:
         if count + _CUT < due or self.broken:
             end = f" ({self.broken})" if self.broken else ""
             notes.append(f"{self.path}: is damaged or cut off{end}: {count} frames of {due}")
+        if self.damaged.any():
+            few = ", ".join(map(str, 1 + np.flatnonzero(self.damaged)[:_FEW]))
+            notes.append(f"{self.path}: {self.damaged.sum()} frames are damaged: {few}")
         tags, guess = self.container.metadata, ""
         times: Float  # s
         if RATE_TAG in tags:
@@ -124,18 +133,21 @@ class _Decoder:
     def frame(self, number: int) -> Image:
         """Frame ``number``, decoded. Raises InputError for one that is damaged."""
         with self.lock, self._reading(f"frame {number + 1}: damaged"):
-            last_key = self.keys[np.searchsorted(self.keys, number, "right") - 1]
-            if not 0 <= self.next <= number or (self.stamped and last_key > self.next):
-                self._begin(number)
+            if self.damaged[number]:
+                raise ValueError("another checksum")
+            before = int(np.searchsorted(self.keys, number, "right")) - 1
+            key = int(self.keys[max(0, before)])
+            if not 0 <= self.next <= number or (self.stamped and key > self.next):
+                self._begin(key)
             try:
                 return _image(self._decoded(number))
             except BaseException:
                 self.next = -1
                 raise
 
-    def _begin(self, number: int) -> None:
-        """Have `frames` begin at the key frame of a ``number``, or where the file begins."""
-        at = int(self.stamps[number]) if self.stamped else 0
+    def _begin(self, key: int) -> None:
+        """Have `frames` begin at a key frame; without stamps, where the file begins."""
+        at = int(self.stamps[key]) if self.stamped else 0
         self.container.seek(at, stream=self.stream)
         self.frames, self.next = self.container.decode(self.stream), 0
 
@@ -151,6 +163,22 @@ class _Decoder:
         if self.next > number + 1 or frame.is_corrupt:
             raise ValueError("what can't be decoded")
         return frame
+
+
+def checksums_agree(packet: bytes) -> bool:
+    """Whether all slices of an FFV1 frame are as they were written, if they have checksums.
+
+    A slice ends with its length (3 bytes), a status and what makes the CRC-32 of all of it 0 (RFC
+    9043, 4.9), which zlib counts from the other end of each byte. FFmpeg shows other pixels where
+    it doesn't agree, and says nothing.
+    """
+    end = len(packet)
+    while end > 0:
+        start = end - 8 - int.from_bytes(packet[max(0, end - 8) : max(0, end - 5)], "big")
+        if start < 0 or zlib.crc32(packet[start:end].translate(_MIRRORED), _ONES) != _ONES:
+            return False
+        end = start
+    return True
 
 
 def _image(frame: Any) -> Image:
