@@ -4,6 +4,8 @@ Its modules:
 
 - `images`: Images as PNG and TIFF, without loss.
 - `radiance`: Linear radiance as OpenEXR and float TIFF.
+- `frame_writers`: What writes the frames of each kind of video file.
+- `video`: Video out: frames go to a sink one by one.
 - `meshes`: Surfaces as STL, solids and results as VTU.
 - `layers`: The truth layers: what each one holds, and how it is stored.
 - `truth`: truth.h5: the exact fields behind every pixel.
@@ -27,6 +29,7 @@ if _typing.TYPE_CHECKING:
     from gpusim.export.radiance import write_radiance as write_radiance
     from gpusim.export.truth import FrameWriter as FrameWriter
     from gpusim.export.truth import TruthWriter as TruthWriter
+    from gpusim.export.video import VideoSink as VideoSink
     from gpusim.files.atomic_files import atomic_path as atomic_path
     from gpusim.files.atomic_files import atomic_stream as atomic_stream
     from gpusim.files.atomic_files import clean_leftovers as clean_leftovers
@@ -38,6 +41,7 @@ _HOMES = {
     "gpusim.export.meshes": "write_pvd write_region_stls write_stl write_vtu",
     "gpusim.export.radiance": "write_radiance",
     "gpusim.export.truth": "FrameWriter TruthWriter",
+    "gpusim.export.video": "VideoSink",
     "gpusim.files.atomic_files": "atomic_path atomic_stream clean_leftovers safe_name",
 }
 __all__, __getattr__, __dir__ = _public_names(__name__, _HOMES)
