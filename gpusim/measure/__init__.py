@@ -10,6 +10,7 @@ In the order in which data passes:
 - `advice`: Advice on the settings of a correlation, from the picture that is to be correlated.
 - `stereo`: Points, shapes and strains in space, from calibrated cameras.
 - `structures`: Markers tracked, deflection lines, damage.
+- `vibration`: Motions of points over time, modes from them, motions made visible.
 """
 
 from gpusim.measure.advice.image_noise import ImageNoise
@@ -65,6 +66,7 @@ from gpusim.measure.targets.checker_markers import (
 )
 from gpusim.measure.targets.coded_markers import Codes, find_aruco
 from gpusim.measure.targets.crossings import Crossings, fit_crossings
+from gpusim.measure.vibration.point_series import PointSeries, point_series
 
 __all__ = [
     "Advice",
@@ -84,6 +86,7 @@ __all__ = [
     "MarkerStatus",
     "Markers",
     "Matches",
+    "PointSeries",
     "RigidMotion",
     "Scale",
     "Sighting",
@@ -121,6 +124,7 @@ __all__ = [
     "mapped",
     "match_epipolar",
     "plane_mapping",
+    "point_series",
     "rig_camera",
     "rigid_motion",
     "scale_coefficient",
