@@ -66,6 +66,8 @@ from gpusim.measure.targets.checker_markers import (
 )
 from gpusim.measure.targets.coded_markers import Codes, find_aruco
 from gpusim.measure.targets.crossings import Crossings, fit_crossings
+from gpusim.measure.vibration.identification import identify_modes
+from gpusim.measure.vibration.operational_modes import OperationalModes, mac
 from gpusim.measure.vibration.point_series import PointSeries, point_series
 
 __all__ = [
@@ -86,6 +88,7 @@ __all__ = [
     "MarkerStatus",
     "Markers",
     "Matches",
+    "OperationalModes",
     "PointSeries",
     "RigidMotion",
     "Scale",
@@ -119,8 +122,10 @@ __all__ = [
     "gauge",
     "gauge_filter",
     "grid_points",
+    "identify_modes",
     "lens_mapping",
     "locate_markers",
+    "mac",
     "mapped",
     "match_epipolar",
     "plane_mapping",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +24,7 @@ from gpusim.measure.vibration.displacement_methods import LocalPhase, LucasKanad
 from gpusim.measure.vibration.sampling import sampling_rate
 from gpusim.measure.vibration.shifted_subsets import Method, ShiftedSubsets
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import checked, finite_numbers, require, require_one_of
+from gpusim.validation import checked, finite_numbers, real_numbers, require, require_one_of
 
 DisplacementMethod = Literal["lucas-kanade", "gradient", "phase"]
 METHODS: dict[str, Method] = {
@@ -62,6 +62,19 @@ class PointSeries:
     status: npt.NDArray[np.int8]
     method: str
     __repr__ = field_summary
+
+    @classmethod
+    def of(
+        cls, times: npt.ArrayLike, points: npt.ArrayLike, displacement: npt.ArrayLike
+    ) -> PointSeries:
+        """Of displacements (T, P, 2) px that were measured in any other way; NaN: not found."""
+        when, places = real_numbers(times, "times"), check_points(points, "points")
+        moved = real_numbers(displacement, "displacement")
+        shape = (len(when), len(places), 2)
+        require(moved.shape == shape, "displacement: wrong shape", moved.shape, f"{shape}")
+        known = np.isfinite(moved).all(axis=(0, 2))
+        status = np.where(known, Status.OK, Status.NO_GUESS).astype(np.int8)
+        return cls(when, places, moved, status, "given")
 
     @property
     def ok(self) -> Bool:
@@ -161,7 +174,7 @@ def _directions(direction: npt.ArrayLike | None) -> Float:
     """Unit vectors (U, 2) of the motions that are looked for."""
     if direction is None:
         return np.eye(2)
-    vector: Any = finite_numbers(direction, "direction", [(2,)], "(2,): x and y")
+    vector = finite_numbers(direction, "direction", [(2,)], "(2,): x and y")
     length = float(np.hypot(*vector))
     require(length > 0, "direction", vector.tolist(), "a vector that isn't 0")
-    return vector[None] / length
+    return np.asarray(vector[None] / length)

@@ -56,8 +56,10 @@ class Method(Protocol):
         shows one direction alone.
     """
 
-    steps: int
-    least_slope: float
+    @property
+    def steps(self) -> int: ...
+    @property
+    def least_slope(self) -> float: ...
 
     def functionals(self, subsets: ReferenceSubsets) -> Float:
         """(P, K, n) weights; the last row is the reference itself."""
