@@ -30,7 +30,7 @@ def cross_spectra(responses: Float, rate_Hz: float, segment: int, blocks: int) -
     """Of ``responses`` (T, r), by segments of some samples under Hann windows that overlap by half;
     the segments in ``blocks`` parts."""
     window = scipy.signal.get_window("hann", segment)
-    window = np.asarray(window / np.linalg.norm(window), dtype=np.float64)
+    window = (window / np.linalg.norm(window)).astype(np.float64)
     starts = np.arange(0, len(responses) - segment + 1, segment // 2)
     count = min(blocks, len(starts))
     channels = responses.shape[1]

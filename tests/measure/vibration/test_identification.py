@@ -49,17 +49,15 @@ def test_uncertainty_is_the_scatter_of_records() -> None:
     for seed in range(24):
         modal = random_vibration(ANGULAR, DAMPING, RATE, 6000, seed)
         modes = identify_modes(series(modal, 0.05, seed), modes=3, band_Hz=(3, 30))
-        shapes = (modes.shapes[:, :, 0].T, modes.shape_sigma[:, :, 0].T)
-        said = (modes.frequency_sigma_Hz, modes.damping_sigma, *shapes[1])
-        found.append([(modes.frequency_Hz, modes.damping, *shapes[0]), said])
+        # of the first shape the last mass moves most, in all records
+        said = (*modes.frequency_sigma_Hz, *modes.damping_sigma, *modes.shape_sigma[0, :2, 0])
+        found.append([(*modes.frequency_Hz, *modes.damping, *modes.shapes[0, :2, 0]), said])
     values = np.array(found)
     scatter, said = values.std(axis=0)[0], np.median(values, axis=0)[1]
     # twelve blocks tell a standard uncertainty to about a fifth, 24 records a scatter to a seventh
-    free = (scatter > 0) & (said > 0)  # the greatest component is 1 by definition
-    assert free.sum() >= 12
-    assert (said[free] / scatter[free]).min() > 0.5
-    assert (said[free] / scatter[free]).max() < 2.5
-    assert np.abs(values[:, 0, 0].mean(axis=0) / HERTZ - 1).max() < 0.002
+    assert (said / scatter).min() > 0.5
+    assert (said / scatter).max() < 2.5
+    assert np.abs(values[:, 0, :3].mean(axis=0) / HERTZ - 1).max() < 0.002
 
 
 def test_free_decay() -> None:
