@@ -10,6 +10,7 @@ In the order in which data passes:
 - `advice`: Advice on the settings of a correlation, from the picture that is to be correlated.
 - `stereo`: Points, shapes and strains in space, from calibrated cameras.
 - `structures`: Markers tracked, deflection lines, damage.
+- `vibration`: Motions of points over time, modes from them, motions made visible.
 """
 
 from gpusim.measure.advice.image_noise import ImageNoise as ImageNoise
@@ -77,6 +78,11 @@ from gpusim.measure.targets.coded_markers import Codes as Codes
 from gpusim.measure.targets.coded_markers import find_aruco as find_aruco
 from gpusim.measure.targets.crossings import Crossings as Crossings
 from gpusim.measure.targets.crossings import fit_crossings as fit_crossings
+from gpusim.measure.vibration.identification import identify_modes as identify_modes
+from gpusim.measure.vibration.operational_modes import OperationalModes as OperationalModes
+from gpusim.measure.vibration.operational_modes import mac as mac
+from gpusim.measure.vibration.point_series import PointSeries as PointSeries
+from gpusim.measure.vibration.point_series import point_series as point_series
 from gpusim.public_names import public_names as _public_names
 
 __all__, __getattr__, __dir__ = _public_names(__name__)

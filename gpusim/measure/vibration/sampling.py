@@ -1,0 +1,28 @@
+"""Times at which pictures were taken, and the rate that they keep."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gpusim.arrays.array_types import Float
+from gpusim.errors import InputError
+
+JITTER = 0.05  # of an interval by which a picture may be early or late
+
+
+def sampling_rate(times: Float) -> float:
+    """Pictures a second, Hz. Raises InputError if times (T,) are unknown or uneven."""
+    if len(times) < 2 or not np.isfinite(times).all():
+        raise InputError(
+            "times: not known of every picture; expected them from the file, or "
+            "read_frames(frames, times=...), s"
+        )
+    interval = (times[-1] - times[0]) / (len(times) - 1)
+    even = times[0] + interval * np.arange(len(times))
+    late = np.abs(times - even).max()
+    if not (interval > 0 and late <= JITTER * interval):
+        raise InputError(
+            f"times: got intervals of {np.diff(times).min():.6g} to {np.diff(times).max():.6g} s; "
+            "expected even ones"
+        )
+    return float(1.0 / interval)
