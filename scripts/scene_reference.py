@@ -50,7 +50,7 @@ TOPICS = {
 """The first table of each chapter; those after it in this order belong to it."""
 ORDER = (
     "", "material", "body", "prop", "analysis", "solver", "camera", "light", "sensor", "render",
-    "calibration", "measure", "variant", "output",
+    "calibration", "measure", "variant", "video", "output",
 )  # fmt: skip
 
 

@@ -30,7 +30,7 @@ from gpusim.export.frame_writers import (
 from gpusim.files.atomic_files import PathLike
 from gpusim.files.frame_source import FrameSource
 from gpusim.files.recording import Image, write_times
-from gpusim.validation import FromZero, Positive, checked, real_numbers, unmasked
+from gpusim.validation import Finite, Positive, checked, real_numbers, unmasked
 
 WRITERS: dict[str, Callable[[Path, Take, ExitStack], Writer]] = {
     ".mkv": partial(ContainerWriter, FFV1),
@@ -88,7 +88,7 @@ class VideoSink:
         frame_rate: Positive,
         *,
         bits: int | None = None,
-        line_time: FromZero = 0.0,
+        line_time: Finite = 0.0,
         verify: bool = True,
     ) -> None:
         self.path, self.frame_rate, self.bits = Path(path), float(frame_rate), bits

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from gpusim.graph.stage import Stage, first, same
+from gpusim.graph.stage import Stage, every, first, same
 from gpusim.plan.motion_stages import stillness
 from gpusim.plan.stage_builder import Needs, StageBuilder
 from gpusim.plan.stages import RunOptions
@@ -176,11 +176,25 @@ def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iter
         yield build.stage("calibration files", "camera_files:calibrations",
                           ["camera", "output.calibration"], public="export", keeps=True,
                           early=True)  # fmt: skip
+    yield from _films(build)
     if output.vtu or output.stl:
         needs = whole | ({"stress": first} if stresses else {})
         sections = ["output.meshes", "body.*.name", "analysis"]
         yield build.stage("export", "mesh_files:meshes", sections, needs, table, "export",
                           keeps=True)  # fmt: skip
+
+
+def _films(build: StageBuilder) -> Iterator[Stage]:
+    """The pictures of cameras one after the other."""
+    video, analysis = build.scene.video, build.scene.analysis
+    if video is None:
+        return
+    rate = analysis.frame_rate or video.frame_rate
+    times = [number / rate for number in range(len(build.frames))]
+    for camera in build.scene.films:
+        sections = ["video", f"camera.{camera}", "sensor"]
+        yield build.stage(f"film/{camera}", "films:film", sections, {f"picture/{camera}": every},
+                          [[rate, times]], "export", keeps=True)  # fmt: skip
 
 
 def _truth(build: StageBuilder, motions: Needs) -> Iterator[Stage]:
@@ -235,7 +249,7 @@ def _skipped(build: StageBuilder, stages: Sequence[Stage]) -> dict[str, str]:
         "truth": "no [[camera]]" if output.truth else f"{_NONE}: [output] truth is empty",
         "measure": f"{_NONE}: no [[measure]]",
         "stress": still if output.stress else f"{_NONE}: [output] stress is false",
-        "export": f"{_NONE}: neither vtu, stl nor calibration in [output]",
+        "export": f"{_NONE}: neither vtu, stl nor calibration in [output], no [video]",
     }
     there = {stage.public(0).split("/")[0] for stage in stages if len(stage.rows)}
     return {kind: reasons[kind] for kind in PUBLIC if kind not in there}

@@ -35,6 +35,7 @@ from gpusim.report.findings import Published as Published
 from gpusim.report.findings import StressPeak as StressPeak
 from gpusim.report.model import Drawing as Drawing
 from gpusim.report.model import Figure as Figure
+from gpusim.report.model import Film as Film
 from gpusim.report.model import FramePair as FramePair
 from gpusim.report.model import Link as Link
 from gpusim.report.model import Measurement as Measurement

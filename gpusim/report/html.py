@@ -43,6 +43,7 @@ SECTIONS = (
 )  # fmt: skip
 """Of the page, with figures."""
 SLIDE_BYTES, PAIR_BYTES = 1_200_000, 1_200_000  # of all sliders and pairs of a page
+FILM_BYTES = 2_000_000  # of one film
 
 Bytes = npt.NDArray[np.uint8]
 
@@ -143,6 +144,12 @@ def file_uri(path: Path) -> str:
         raise InputError(f"figure: {path}: can't be read ({error})") from None
 
 
+def film_uri(path: Path, folder: Path) -> str:
+    """Return a film as the page has it: in itself, or if it is large beside it."""
+    data = read_input(path, "a film").data
+    return data_uri("video/mp4", data) if len(data) <= FILM_BYTES else link(path, folder)
+
+
 def photo_uri(path: Path) -> str:
     """Return a picture file as the data URI of a JPEG no wider than the page shows it sharply."""
     return _jpeg_uri(np.ascontiguousarray(read_picture(path)), _PHOTO_WIDTH, 88)
@@ -223,7 +230,8 @@ def _environment() -> Environment:
         lstrip_blocks=True,
         finalize=_shown,
     )
-    formats = (number, percent, signed_percent, aligned, duration, file_uri, photo_uri, link)
+    formats = (number, percent, signed_percent, aligned, duration, file_uri, photo_uri, film_uri,
+               link)  # fmt: skip
     environment.filters.update({one.__name__: one for one in formats})
     return environment
 

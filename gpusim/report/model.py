@@ -188,6 +188,16 @@ class FramePair:
 
 
 @dataclass(frozen=True)
+class Film:
+    """The ``file`` of a camera's film, one to be ``shown`` in its place (MP4), and a sentence."""
+
+    camera: str
+    file: Path
+    shown: Path
+    caption: str
+
+
+@dataclass(frozen=True)
 class Overlay:
     """Tracked points on an image.
 
@@ -291,6 +301,7 @@ class Report:
     facts: Mapping[str, str] = field(default_factory=dict)
     scene_text: str = ""
     frames: tuple[FramePair, ...] = ()
+    films: tuple[Film, ...] = ()
     series: tuple[Series, ...] = ()
     overlays: tuple[Overlay, ...] = ()
     residuals: tuple[float, ...] = ()

@@ -58,6 +58,7 @@ def describe(scene: Scene, made: Counts | None = None) -> dict[str, str]:
     if in_color(scene):
         lit += ", light and paint in colour"
     wanted = [name for name in ("vtu", "stl", "calibration") if getattr(scene.output, name)]
+    wanted += [f"film of {name}" for name in scene.films]
     return {
         "mesh": "; ".join(mesh_words(body.mesh, made) for body in scene.bodies),
         "solve": f"{size}{_SOLVER[scene.solver.method]}{_solutions(scene)[0]}",
@@ -147,7 +148,7 @@ def estimate(scene: Scene, made: Counts | None = None) -> Cost:
         "truth file": (40 * nodes, 0.1 + frames * (0.01 + 1e-9 * layers * pixels)),
         "measure": (of_pixel * pixels, 0.3 + measuring),
         "stress": (600 * elements, 0.1 + steps * 2e-5 * elements),
-        "export": (300 * nodes, steps * (0.1 + 4e-6 * elements)),
+        "export": (300 * nodes, steps * (0.1 + 4e-6 * elements + 6e-8 * pixels * len(scene.films))),
         "report": (6 * pixels, 1.0 + 2e-8 * pixels),
     }
 

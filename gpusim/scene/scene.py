@@ -36,6 +36,7 @@ from .camera_tables import CameraTables
 from .description import model
 from .description.measure_table import TABLES
 from .description.scene_table import SceneTable
+from .description.video import complete_from_video
 from .files import find_files
 from .measure_kinds import load_kinds
 from .toml_text import document_fault, parse_toml, size_fault, toml_text
@@ -48,6 +49,7 @@ SECTIONS = {
     "prop": "props", "analysis": "analysis", "solver": "solver", "camera": "cameras",
     "light": "lights", "render": "render", "sensor": "sensor", "measure": "measures",
     "variant": "variants", "output": "output", "calibration": "calibration",
+    "video": "video",
 }  # fmt: skip
 """Sections of the file, and what a `Scene` calls them."""
 
@@ -82,6 +84,7 @@ class Scene:
     variants: tuple[model.VariantTable, ...]
     output: model.OutputTable
     calibration: model.CalibrationTable | None
+    video: model.VideoTable | None
     content: str = field(repr=False)
     source: str = field(default="scene", compare=False)
     files: tuple[tuple[str, str], ...] = ()
@@ -130,6 +133,7 @@ class Scene:
         origins = overridden(origins, changed)
         unread, hashes = find_files(plain, Path(folder), dict(files))
         load_kinds(plain)
+        complete_from_video(plain)
         table, more = None, 0
         try:
             table = SceneTable.model_validate(plain)
@@ -219,6 +223,12 @@ class Scene:
     def measures_space(self) -> bool:
         """Whether something is measured with the cameras that [calibration] calibrates."""
         return any(one.uses_calibration for one in self.measures)
+
+    @property
+    def films(self) -> tuple[str, ...]:
+        """Names of the cameras whose pictures are filmed."""
+        every = tuple(camera.name for camera in self.cameras)
+        return () if self.video is None else self.video.cameras or every
 
     @property
     def reads_files(self) -> bool:

@@ -24,7 +24,7 @@ from gpusim.graph.store import Record
 from gpusim.pipeline.measurements.kinds import kind_of
 from gpusim.pipeline.measurements.results import Reported, Result
 from gpusim.pipeline.notes import Notes
-from gpusim.pipeline.pictures.file_names import image_path
+from gpusim.pipeline.pictures.file_names import film_names, image_path
 from gpusim.plan.decision import Decision
 from gpusim.plan.machine_speed import Speed
 from gpusim.plan.plan import Plan
@@ -33,6 +33,7 @@ from gpusim.report import (
     Chart,
     Drawing,
     FieldPicture,
+    Film,
     FramePair,
     Link,
     LoadPath,
@@ -106,6 +107,7 @@ class SceneReport:
             facts=self._facts(),
             scene_text=scene.to_toml(),
             frames=_pairs(scene, self.out, told),
+            films=self._films(),
             series=tuple(item for one in told for item in one.series),
             overlays=tuple(item for one in told for item in one.overlays),
             residuals=() if solution is None else tuple(solution["residuals"]),
@@ -228,6 +230,17 @@ class SceneReport:
         (key,) = self.decision.graph.records[self.place].get("solve", ("",))
         solver: dict[str, str] = self.session.kept.get(f"seconds of {key}", {})
         return facts | solver | spent
+
+    def _films(self) -> tuple[Film, ...]:
+        """That are there."""
+        found = []
+        for camera in self.scene.films:
+            file, shown = (inside(self.out, name) for name in film_names(self.scene, camera))
+            if shown.is_file():
+                rate = self.scene.analysis.frame_rate
+                filmed = f", filmed at {rate:g} a second" if rate else ""
+                found.append(Film(camera, file, shown, f"{len(self.frames)} frames{filmed}."))
+        return tuple(found)
 
     def _links(self) -> tuple[Link, ...]:
         """Links to this run's files; what an earlier scene left in the folder isn't among them."""

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from functools import partial
 
-import numpy.typing as npt
-
-from gpusim.export.images import keep, read_image, recall
 from gpusim.gpu import Device
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
@@ -15,6 +12,7 @@ from gpusim.measure.targets.boards import Sighting
 from gpusim.pipeline.measurements.kinds import measured
 from gpusim.pipeline.measurements.sources import Sources, read_corners
 from gpusim.pipeline.pictures.file_names import corners_name, image_name
+from gpusim.pipeline.pictures.stored_picture import stored_picture
 from gpusim.pipeline.scene_objects.moving_bodies import scene_objects
 from gpusim.scene import Scene
 
@@ -31,16 +29,8 @@ def measure(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
 
 
 def _sources(scene: Scene, inputs: Inputs, device: Device | None) -> Sources:
-    def image(camera: str, frame: int) -> npt.NDArray[Any]:
-        stage, name = f"picture/{camera}", image_name(scene, camera, frame)
-        path = inputs.path(stage, name)
-        known, shift = recall(path), scene.sensor_of(camera).shift
-        if known is None:
-            known = keep(path, read_image(inputs.read(stage, name)))
-        return known >> shift if shift else known
-
     def corners(camera: str, pose: int) -> Sighting:
         name = corners_name(image_name(scene, camera, pose, "calib-"))
         return read_corners(scene, inputs.read(f"calib-picture/{camera}", name))
 
-    return Sources(image, corners, device)
+    return Sources(partial(stored_picture, scene, inputs), corners, device)

@@ -93,3 +93,4 @@ from .prop import BoxTable, CalibrationTable, PlateTable, PoseTable, Prop, PropT
 from .scene_table import Body, Part, SceneTable
 from .sensor import CameraSensorTable, Gains, SensorTable
 from .targets import ArucoTable, CharucoTable, CirclesTable, LinesTable, RingCodesTable, StarTable
+from .video import VideoTable

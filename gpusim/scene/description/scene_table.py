@@ -28,6 +28,7 @@ from .paint import Paint, PaintTable, not_by_uv
 from .processing import OutputTable, RenderTable, SolverTable, VariantTable
 from .prop import CalibrationTable, PropTable
 from .sensor import SensorTable
+from .video import VideoTable
 
 
 @dataclass(frozen=True)
@@ -251,6 +252,8 @@ class SceneTable(Table):
     """What is measured in the pictures and compared with the truth."""
     variant: Annotated[tuple[VariantTable, ...], Listed()] = ()
     """States that are made in one run and compared."""
+    video: VideoTable | None = None
+    """Films of the pictures, and how they are taken."""
     output: OutputTable = OutputTable()
     """What is written beside images, measurements and report."""
 

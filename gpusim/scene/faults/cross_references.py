@@ -49,6 +49,7 @@ def check_document(document: Mapping[str, Any]) -> Found:
     checks.poses()
     checks.calibration()
     checks.outputs()
+    checks.films()
     checks.shutters()
     checks.shadows()
     for keys, *fault in vibration_faults(document):
@@ -337,6 +338,23 @@ class _Checks:
             if isinstance(asked, list) and one in asked and cameras > most:
                 got, wanted = Words(f"{cameras} cameras"), f"at most {most}"
                 self.add(("output", key), why, got, wanted)
+
+    def films(self) -> None:
+        """There are cameras that film, and one frame rate."""
+        video = self.document.get("video")
+        if not isinstance(video, Mapping):
+            return
+        self.refer_each(("video", "cameras"), video.get("cameras"), _names(self.cameras), "camera")
+        if not self.cameras:
+            got, wanted = Words("no camera"), "at least one [[camera]]"
+            self.add(("video",), "needs a camera", got, wanted)
+        own, rate = video.get("frame_rate_Hz"), (self.analysis or {}).get("frame_rate_Hz")
+        if own is None and rate is None:
+            got, wanted = Words("no frame_rate_Hz"), "frames per second"
+            self.add(("video", "frame_rate_Hz"), "missing", got, wanted)
+        if None not in (own, rate) and own != rate:
+            wanted = f"{value_text(rate)}, which analysis.frame_rate_Hz says, or one of them"
+            self.add(("video", "frame_rate_Hz"), "said twice", own, wanted)
 
     def shadows(self) -> None:
         """Every lamp casts shadows unless it says that it doesn't; surroundings cast none."""

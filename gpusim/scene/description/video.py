@@ -1,0 +1,58 @@
+"""``[video]``: films of the cameras' pictures, and how fast and how long they are taken."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from gpusim.scene.tables.table import SeveralNames, Table, tables_of
+
+from .analysis.analysis_table import ANALYSIS_TYPES
+
+VideoFormat = Literal["ffv1", "mraw", "tiff", "png", "mp4"]
+
+
+class VideoTable(Table):
+    """Films of the cameras' pictures, with the time of each frame, and how they are taken.
+
+    Example::
+
+        frame_rate_Hz = 2000.0
+        exposure_us = 100.0
+        format = "ffv1"
+    """
+
+    format: VideoFormat = "ffv1"
+    """"ffv1": without loss, video/<camera>.mkv; "mraw": Photron's, video/<camera>.cih; "tiff" or
+    "png": pictures in video/<camera>/; "mp4": H.264 of 8 bits, with loss."""
+    cameras: SeveralNames | None = None
+    """Names of those that film; without it all."""
+    frame_rate_Hz: Annotated[float, Field(gt=0)] | None = None
+    """How fast frames follow each other: ``analysis.frame_rate_Hz``, said here or there. Of frames
+    that aren't in time, modes and phases, how fast the film is to be played."""
+    exposure_us: Annotated[float, Field(ge=0)] | None = None
+    """The ``shutter.exposure_ms`` of cameras without a ``shutter``."""
+
+
+def has_frame_rate(analysis: str) -> bool:
+    """Whether frames of a type of analysis are in time."""
+    kind = ANALYSIS_TYPES.get(analysis)
+    return kind is not None and "frame_rate_Hz" in kind.keys
+
+
+def complete_from_video(document: dict[str, Any]) -> None:
+    """Put the frame rate and the exposure of [video] where tables don't say their own, in place."""
+    video = document.get("video")
+    if not isinstance(video, dict):
+        return
+    rate, exposure = video.get("frame_rate_Hz"), video.get("exposure_us")
+    analysis = document.setdefault("analysis", {})
+    if rate is not None and isinstance(analysis, dict):
+        kind = analysis.get("type", "static")
+        if isinstance(kind, str) and has_frame_rate(kind):
+            analysis.setdefault("frame_rate_Hz", rate)
+    for _, camera in tables_of(document, "camera") if exposure is not None else ():
+        with suppress(TypeError):  # of what is no number the schema tells
+            camera.setdefault("shutter", {"exposure_ms": 1e-3 * exposure})
