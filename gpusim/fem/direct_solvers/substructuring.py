@@ -16,11 +16,12 @@ and M = c_left + a_right of the plane in the middle:
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.linalg.blas import dtrsm
-from scipy.linalg.lapack import dpotrf
+from scipy.linalg.lapack import dpotrf, dpotri
 
 from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.unique import unique_rows
@@ -139,6 +140,54 @@ class _Join:
     left: Float
     right: Float
 
+    def eliminate(self, load: Float) -> tuple[Float, Float, Float]:
+        """Of loads (Q,m) in the middle: what `substitute` needs, and what they do to the ends."""
+        half = dtrsm(1.0, self.upper, load.T, lower=0, trans_a=1)
+        return half.T, (self.left.T @ half).T, (self.right.T @ half).T
+
+    def substitute(self, half: Float, left: Float, right: Float) -> Float:
+        """Displacements (Q,m) in the middle, of those at the ends."""
+        rest = half.T - self.left @ left.T
+        rest = rest - self.right @ right.T
+        return np.asarray(dtrsm(1.0, self.upper, rest, lower=0).T)
+
+    @property
+    def inverted(self) -> _InvertedJoin:
+        """The same in products alone."""
+        inverse, _ = dpotri(self.upper)
+        lower = [dtrsm(1.0, self.upper, end, lower=0) for end in (self.left, self.right)]
+        whole = np.triu(inverse) + np.triu(inverse, 1).T
+        return _InvertedJoin(np.hstack([whole, *lower]), self.left.shape[1])
+
+
+@dataclass(eq=False)
+class _InvertedJoin:
+    """``whole`` (m,m+a+c): M^-1 and M^-1 [b_left^T, b_right]; ``left`` is a."""
+
+    whole: Float
+    left: int
+
+    def eliminate(self, load: Float) -> tuple[Float, Float, Float]:
+        """As `_Join` does."""
+        middle = len(self.whole)
+        alone, to_left, to_right = np.split(load @ self.whole, [middle, middle + self.left], axis=1)
+        return alone, to_left, to_right
+
+    def substitute(self, alone: Float, left: Float, right: Float) -> Float:
+        """As `_Join` does."""
+        ends = np.concatenate([left, right], axis=1)
+        return np.asarray(alone - ends @ self.whole[:, len(self.whole) :].T)
+
+
+@dataclass(eq=False)
+class _Elimination:
+    """By the same ``join``: of planes in the middle of others, ``planes`` (3,J) left, middle, right
+    of so many unknowns (``sizes``)."""
+
+    join: _Join | _InvertedJoin
+    planes: Long
+    sizes: tuple[int, int, int]
+
 
 @dataclass(eq=False)
 class SubstructuredFactor:
@@ -149,22 +198,40 @@ class SubstructuredFactor:
     lattice: Lattice
     scale: float
     name: str = "direct"
-    _joins: list[list[_Join]] = field(default_factory=list)
+    _eliminations: list[_Elimination] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._kind = self.lattice.grid(self.group.matrix_of)
+        sizes = [len(one) for one in self.slabs.planes]
+        # (planes, most) where the unknowns of each are; -1 stands for none
+        self._at = np.full((len(sizes), max(sizes)), -1)
+        for row, unknowns in zip(self._at, self.slabs.planes, strict=True):
+            row[: len(unknowns)] = unknowns
         current = shared(self._slab, self.slabs.first.tolist())
         last_kind = int(self.slabs.kind[-1])
+        ends = np.arange(len(sizes))
         for one in self.slabs.rounds:
             pairs = [(current[a], current[b]) for a, b in one.pairs.tolist()]
             done = shared(lambda pair: _join(*pair), pairs)
-            self._joins.append([join for _, join in done])
+            for number, (_, join) in enumerate(done):
+                left = 2 * np.flatnonzero(one.number == number)
+                planes = ends[left + np.arange(3)[:, None]]
+                self._eliminations.append(_Elimination(join, planes, one.sizes[number]))
+            stop = 2 * len(one.number)
+            ends = np.append(ends[: stop + 1 : 2], ends[stop + 1 :])
             lone = [current[last_kind]] if one.odd else []
             current = [superelement for superelement, _ in done] + lone
             last_kind = len(done) if one.odd else int(one.number[-1])
         last = current[-1]
-        whole = np.block([[last.a, last.b], [last.b.T, last.c]])
-        self._end = _factor(whole)
+        self._end = _factor(np.block([[last.a, last.b], [last.b.T, last.c]]))
+        self._ends = ends[[0, -1], None], [sizes[0], sizes[-1]]
+
+    def invert(self) -> None:
+        """Products in place of substitutions, which take twice as long: for hundreds of right-hand
+        sides, one after the other."""
+        for one in self._eliminations:
+            if isinstance(one.join, _Join):
+                one.join = one.join.inverted
 
     def _slab(self, layer: int) -> _Super:
         """Plane matrices of one layer of cells."""
@@ -191,49 +258,36 @@ class SubstructuredFactor:
 
     def apply(self, r: Float) -> Float:
         """K^-1 r for (L,3N) r; zero on fixed unknowns."""
-        planes = [np.ascontiguousarray(r[:, one].T) for one in self.slabs.planes]
-        cases = len(r)
-        # forward: which planes are the ends of each superelement, and what loads they gather
-        ends = np.arange(len(planes))
-        middles: list[tuple[Long, Long, Long, list[Float]]] = []
-        for one, joins in zip(self.slabs.rounds, self._joins, strict=True):
-            count = len(one.number)
-            left, middle, right = (ends[k : k + 2 * count : 2] for k in range(3))
-            solved: list[Float] = [np.zeros((0, cases))] * count
-            for number, join in enumerate(joins):
-                alike = np.flatnonzero(one.number == number)
-                load = np.concatenate([planes[middle[k]] for k in alike], axis=1)
-                half = dtrsm(1.0, join.upper, load, lower=0, trans_a=1)
-                to_left, to_right = join.left.T @ half, join.right.T @ half
-                for place, k in enumerate(alike):
-                    part = slice(cases * place, cases * (place + 1))
-                    solved[k] = half[:, part]
-                    planes[left[k]] = planes[left[k]] - to_left[:, part]
-                    planes[right[k]] = planes[right[k]] - to_right[:, part]
-            middles.append((left, middle, right, solved))
-            ends = np.append(ends[: 2 * count + 1 : 2], ends[2 * count + 1 :])
-        first, last = int(ends[0]), int(ends[-1])
-        both = np.concatenate([planes[first], planes[last]])
-        if len(both):
-            both = dtrsm(1.0, self._end, both, lower=0, trans_a=1)
-            both = dtrsm(1.0, self._end, both, lower=0)
-        x: list[Float] = [np.zeros((0, cases))] * len(planes)
-        x[first], x[last] = np.split(both, [len(planes[first])])
-        for (left, middle, right, solved), one, joins in zip(
-            reversed(middles), reversed(self.slabs.rounds), reversed(self._joins), strict=True
-        ):
-            for number, join in enumerate(joins):
-                alike = np.flatnonzero(one.number == number)
-                half = np.concatenate([solved[k] for k in alike], axis=1)
-                half = half - join.left @ np.concatenate([x[left[k]] for k in alike], axis=1)
-                half = half - join.right @ np.concatenate([x[right[k]] for k in alike], axis=1)
-                full = dtrsm(1.0, join.upper, half, lower=0)
-                for place, k in enumerate(alike):
-                    x[middle[k]] = full[:, cases * place : cases * (place + 1)]
-        result = np.zeros_like(r)
-        for unknowns, value in zip(self.slabs.planes, x, strict=True):
-            result[:, unknowns] = value.T
-        return result
+        cases, most = len(r), self._at.shape[1]
+        # rows (planes L,most) of loads, and in their place of displacements as they are found
+        planes = np.take(np.pad(r, ((0, 0), (0, 1))), self._at, axis=1)
+        x = planes.swapaxes(0, 1).reshape(-1, most)
+        eliminated = []
+        for one in self._eliminations:
+            left, middle, right = _places(one.planes, one.sizes, cases)
+            alone, to_left, to_right = one.join.eliminate(x[middle])
+            # a plane is the right one of a join before it is the left one of the next
+            x[right] -= to_right
+            x[left] -= to_left
+            eliminated.append((one.join, alone, left, middle, right))
+        first, last = _places(*self._ends, cases)
+        both = np.concatenate([x[first], x[last]], axis=1)
+        if both.size:
+            half = dtrsm(1.0, self._end, both.T, lower=0, trans_a=1)
+            both = dtrsm(1.0, self._end, half, lower=0).T
+        x[first], x[last] = np.split(both, [len(self.slabs.planes[0])], axis=1)
+        for join, alone, left, middle, right in reversed(eliminated):
+            x[middle] = join.substitute(alone, x[left], x[right])
+        result = np.zeros((cases, r.shape[1] + 1))
+        result[:, self._at] = x.reshape(-1, cases, most).swapaxes(0, 1)
+        return result[:, :-1]
+
+
+def _places(planes: Long, sizes: Sequence[int], cases: int) -> list[tuple[Long, slice]]:
+    """Rows of planes (K,J) among those of so many load cases, and columns of their ``sizes`` (K,)
+    unknowns."""
+    rows = cases * planes[:, :, None] + np.arange(cases)
+    return [(of_plane.ravel(), slice(size)) for of_plane, size in zip(rows, sizes, strict=True)]
 
 
 def _positions(wanted: Long, values: Long) -> Long:

@@ -57,6 +57,8 @@ class ShiftedSolver:
             else DirectSolver(direct)
         )
         self.preconditioner: Preconditioner = solver.preconditioner
+        if isinstance(solver, DirectSolver):
+            solver.invert()
         self._product = finest_product(assembled.rows, system)
 
     def apply(self, r: Float) -> Float:

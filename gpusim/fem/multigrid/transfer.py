@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.sparse import bsr_matrix, csr_matrix
@@ -58,16 +59,26 @@ class PlaneWeights:
     def interpolate(self, x: Real) -> Real:
         """(K,3) on the coarse nodes -> (N,3), axis after axis, in the dtype of x."""
         grid = self.coarse.spread(x)
-        for axis in range(3):
-            grid = _along(self.axes[axis].astype(x.dtype), grid, axis)
+        for axis, (weights, _) in enumerate(self._along_axes[x.dtype]):
+            grid = _along(weights, grid, axis)
         return self.fine.gathered(grid)
 
     def restrict(self, r: Real) -> Real:
         """The transpose, (N,3) -> (K,3)."""
         grid = self.fine.spread(r)
-        for axis in range(3):
-            grid = _along(csr_matrix(self.axes[axis].T.astype(r.dtype)), grid, axis)
+        for axis, (_, transposed) in enumerate(self._along_axes[r.dtype]):
+            grid = _along(transposed, grid, axis)
         return self.coarse.gathered(grid)
+
+    @cached_property
+    def _along_axes(self) -> dict[np.dtype[Any], list[tuple[csr_matrix, csr_matrix]]]:
+        """The weights along x, y and z, and their transposes, in float32 and float64."""
+        return {
+            np.dtype(kind): [
+                (axis.astype(kind), csr_matrix(axis.T.astype(kind))) for axis in self.axes
+            ]
+            for kind in (np.float32, np.float64)
+        }
 
     @cached_property
     def matrix(self) -> csr_matrix:
