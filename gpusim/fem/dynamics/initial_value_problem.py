@@ -98,9 +98,12 @@ def with_moving_ground(problem: InitialValueProblem, base: Record | None) -> Ini
     )
 
 
-def drifts(model: Model, ground: Record) -> Iterator[str]:
-    """What lets displacements grow on a moving ground: a body that isn't held, and accelerations
-    by which the ground goes away rather than to and fro."""
+def drifts(model: Model, base: Record | None, times: Float) -> Iterator[str]:
+    """What lets displacements grow on a ground that moves, at ``times``: a body that isn't held,
+    and accelerations by which the ground goes away rather than to and fro."""
+    if base is None:
+        return
+    ground = base.within(times[0], times[-1], "transient: base")
     if any(True for _ in free_motions(model)):
         yield "base moves the ground alone: supports leave the body free to stay behind"
     lapse = ground.times - ground.times[0]

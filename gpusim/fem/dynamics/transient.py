@@ -147,8 +147,7 @@ def transient(
             error = tolerance * motion.size(at[-1] - at[0]) if step == "adaptive" else np.inf
             states = time_steps(motion, first, error, motion.begin(at[0]))
             fields = integrated(motion, states, at, file, progress)
-    if base is not None:
-        fields["warnings"] += tuple(drifts(model, base.within(at[0], at[-1], "transient: base")))
+    fields["warnings"] += tuple(drifts(model, base, at))
     options.clock.mark("response")
     return History(times=at, method=method, timings=options.clock.timings, model=model, **fields)
 
