@@ -139,11 +139,10 @@ def transient(
             fields = superposed(modal_superposition(problem, found, damping, options), at, file)
             fields["unknowns"] = found.unknowns
         else:
-            scheme = Scheme.named(method, spectral_radius)
             rayleigh = damping if isinstance(damping, Rayleigh) else Rayleigh()
             first = _step_length(problem, at, step)
             kind = LinearMotion if geometry == "linear" else NonlinearMotion
-            motion = kind(problem, scheme, rayleigh, options)
+            motion = kind(problem, Scheme.named(method, spectral_radius), rayleigh, options)
             error = tolerance * motion.size(at[-1] - at[0]) if step == "adaptive" else np.inf
             states = time_steps(motion, first, error, motion.begin(at[0]))
             fields = integrated(motion, states, at, file, progress)
