@@ -85,8 +85,6 @@ def buckling(
     cases = len(model.load_cases)
     expected = "one load case, or the sum of several"
     require(cases == 1, "buckling model: load cases", cases, expected)
-    called = progress is None or callable(progress)
-    require(called, "buckling progress", repr(progress), "a function, or None")
     check_count(model, count, "buckling")
     solution = solve(
         model, tolerance=_STATIC * tolerance, formulation=formulation, backend="numpy",

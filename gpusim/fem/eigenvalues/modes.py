@@ -90,8 +90,6 @@ def modes(
     array([ 83.8,  83.8, 522.6, 522.6])
     """
     require(isinstance(model, Model), "modes model", type(model).__name__, "a Model")
-    called = progress is None or callable(progress)
-    require(called, "modes progress", repr(progress), "a function, or None")
     limits = None if band is None else _limits(band)
     keep_freed_memory()
     names, clock = resolve_formulation(model, formulation), Clock()
