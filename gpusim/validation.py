@@ -1,9 +1,9 @@
 """Arguments of the Python API: refused with one clear message, before anything works with them.
 
 `checked` reads the types from a function's or dataclass' annotations, so that what the signature
-says is what is checked: numbers, whole numbers, texts, switches, arrays and tuples of numbers. A
-`Rule` beside a type says what else a value must be (``power: Positive``). Other types, shapes and
-what depends on several arguments are left to the function itself, which asks by
+says is what is checked: numbers, whole numbers, texts, switches, functions, arrays and tuples of
+numbers. A `Rule` beside a type says what else a value must be (``power: Positive``). Other types,
+shapes and what depends on several arguments are left to the function itself, which asks by
 `gpusim.errors.require`, `require_one_of` and `count_of`.
 
 `unmasked`, which is part of `checked`, is the rule for NumPy's masked arrays, whose masks
@@ -290,6 +290,8 @@ def _alternatives(hint: Any) -> list[_Alternative]:
         return [_Alternative("a number", is_number)]
     if hint is int:
         return [_Alternative("a whole number", _is_whole)]
+    if origin is Callable:
+        return [_Alternative("a function", callable)]
     if hint is np.ndarray or origin is np.ndarray:
         return [_Alternative("an array of real numbers", _is_real)]
     items = [part for part in typing.get_args(hint) if part is not Ellipsis]

@@ -9,9 +9,9 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.deck.increments import Increments
-from gpusim.deck.procedures import MASS, Static, converged
+from gpusim.deck.procedures import MASS, Static, last_state
 from gpusim.deck.step import Analysis, Procedure, Step
-from gpusim.fem import History, Record, Solution
+from gpusim.fem import History, Record
 from gpusim.fem.dynamics.initial_value_problem import InitialValueProblem
 from gpusim.fem.dynamics.nonlinear_motion import NonlinearMotion
 from gpusim.fem.dynamics.time_integration import LinearMotion, Scheme
@@ -53,20 +53,16 @@ class Dynamics(Procedure):
     def solve(self, step: Step, analysis: Analysis) -> History:
         """From where the steps before have left the body, or as it is at the beginning."""
         assert step.motion is not None
-        last = analysis.before[-1] if analysis.before else None
         times = np.array([step.motion.begin, *step.increments])
-        u, v = analysis.initial_motion
-        if isinstance(last, History):
-            u, v = last.u[-1], last.v[-1]
-        elif isinstance(last, Solution):
-            u, v = converged(last, step).u, np.zeros_like(last.u)
         factors = Record(times, step.motion.factors(times))
         model = analysis.model_of(step.motion.cases)
         scheme = Scheme(0.0, -self.alpha, 0.25 * (1.0 - self.alpha) ** 2, 0.5 - self.alpha)
         share = (1.0 + self.alpha) * scheme.beta * (_FIRST * self.increments.first) ** 2
         # CalculiX integrates the mass of C3D20R by all points here, that of others as for modes
         rule = "exact" if analysis.formulation.get("hex20") == "reduced" else MASS
-        problem = InitialValueProblem(model, analysis.formulation, rule, factors, u, v)
+        problem = InitialValueProblem(
+            model, analysis.formulation, rule, factors, *last_state(step, analysis)
+        )
         names, limit = analysis.formulation, analysis.tolerance
         options = Options(analysis.method, None, "numpy", limit, None, None, None, names, Clock())
         moving = NonlinearMotion if analysis.nonlinear else LinearMotion

@@ -13,7 +13,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.deck.increments import Increments
-from gpusim.deck.procedures import MASS, NONE, Frequency, converged, values
+from gpusim.deck.procedures import MASS, NONE, Frequency, converged, last_state, values
 from gpusim.deck.step import Analysis, Procedure, Step
 from gpusim.fem import (
     HarmonicResponse,
@@ -22,7 +22,6 @@ from gpusim.fem import (
     Modes,
     Rayleigh,
     Record,
-    Solution,
     StructuralDamping,
     mass_matrix,
     solve,
@@ -104,15 +103,10 @@ class ModalDynamics(Superposition):
         times = np.array([step.motion.begin, *step.increments])
         factors = step.motion.factors(times)
         basis, beyond = modal_loads(step, analysis)
-        modes, last = basis.modes, analysis.before[-1]
-        u = v = np.zeros_like(modes.shapes[0])
-        if isinstance(last, History):
-            u, v = last.u[-1], last.v[-1]
-        elif isinstance(last, Solution):
-            u = converged(last, step).u
+        modes = basis.modes
         (lost,) = (step.damping or Rayleigh()).dissipation(np.ones(1), modes.angular)
         forcing = Record(times, factors @ basis.forcing.real)
-        begin = shares(analysis, modes, np.stack([u, v]))
+        begin = shares(analysis, modes, np.stack(last_state(step, analysis)))
         coordinates = ModalCoordinates(modes.angular, lost, forcing, *begin)
         shapes, static = np.concatenate([modes.shapes, beyond]), Record(times, factors)
         response = ModalMotion(shapes, coordinates, static, np.zeros(len(beyond)), {})

@@ -8,11 +8,12 @@ from math import inf
 
 import numpy as np
 
+from gpusim.arrays.array_types import Float
 from gpusim.deck.increments import Increments
 from gpusim.deck.materials import at_finite_strain
 from gpusim.deck.step import Analysis, Procedure, Result, Step
 from gpusim.errors import NotConverged
-from gpusim.fem import Buckling, Modes, Solution, buckling, modes
+from gpusim.fem import Buckling, History, Modes, Solution, buckling, modes
 from gpusim.mesh.formats.abaqus.cards import Card, number
 from gpusim.validation import require
 
@@ -137,6 +138,16 @@ def converged(solution: Solution, step: Step) -> Solution:
         what = f"step {step.number}: the static analysis before it"
         raise NotConverged(f"{what}: {solution.message}; expected an equilibrium")
     return solution
+
+
+def last_state(step: Step, analysis: Analysis) -> tuple[Float, Float]:
+    """Displacement and velocity (N,3) in which the step just before has left the body, or in which
+    it is at the beginning; *FREQUENCY has it rest."""
+    last = analysis.before[-1] if analysis.before else None
+    if isinstance(last, History):
+        return last.u[-1], last.v[-1]
+    u, v = analysis.initial_motion if last is None else np.zeros((2, *step.forces.shape))
+    return (converged(last, step).u, v) if isinstance(last, Solution) else (u, v)
 
 
 def values(card: Card, count: int) -> list[float]:

@@ -311,11 +311,11 @@ class History:
             for ahead, forces in ((False, self.forces), (True, self.quadrature))
         ]
         acting = [one for one in acting if not one[0].idle] or acting[:1]
-        modal = [one for one in self.steps if isinstance(one.procedure, ModalDynamics)]
-        if modal and isinstance(step.procedure, ModalDynamics):
-            if any(course.number and not course.step for _, course, _ in acting):
-                step.card.fail("an amplitude over total time in a second step with *MODAL DYNAMIC, "
-                               "where programs differ; expected one over its own time")  # fmt: skip
+        modal = isinstance(step.procedure, ModalDynamics)
+        again = modal and any(isinstance(one.procedure, ModalDynamics) for one in self.steps)
+        if again and any(course.number and not course.step for _, course, _ in acting):
+            step.card.fail("an amplitude over total time in a second step with *MODAL DYNAMIC, "
+                           "where programs differ; expected one over its own time")  # fmt: skip
         return Motion(interval.begin, *zip(*acting, strict=True))
 
     def _on_the_way(self, procedure: Procedure, interval: Interval) -> Float:

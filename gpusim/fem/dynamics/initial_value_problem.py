@@ -87,20 +87,18 @@ def with_moving_ground(problem: InitialValueProblem, base: Record | None) -> Ini
     inertia = inertia_forces(model, problem.formulation, problem.mass_rule)
     if warm is not None:
         warm = np.concatenate([warm, np.zeros((3, warm.shape[1]))])
-    forces, times = (
-        np.concatenate([model.load_cases, inertia]),
-        np.union1d(factors.times, ground.times),
-    )
-    return replace(
-        problem,
-        model=replace(model, forces=forces, temperature=warm),
-        factors=Record(times, np.hstack([factors.at(times), ground.at(times)])),
-    )
+    times, forces = np.union1d(factors.times, ground.times), [*model.load_cases, *inertia]
+    model = replace(model, forces=np.stack(forces), temperature=warm)
+    factors = Record(times, np.hstack([factors.at(times), ground.at(times)]))
+    return replace(problem, model=model, factors=factors)
 
 
-def drifts(model: Model, ground: Record) -> Iterator[str]:
-    """What lets displacements grow on a moving ground: a body that isn't held, and accelerations
-    by which the ground goes away rather than to and fro."""
+def drifts(model: Model, base: Record | None, times: Float) -> Iterator[str]:
+    """What lets displacements grow on a ground that moves, at ``times``: a body that isn't held,
+    and accelerations by which the ground goes away rather than to and fro."""
+    if base is None:
+        return
+    ground = base.within(times[0], times[-1], "transient: base")
     if any(True for _ in free_motions(model)):
         yield "base moves the ground alone: supports leave the body free to stay behind"
     lapse = ground.times - ground.times[0]

@@ -8,6 +8,9 @@ from gpusim.arrays.array_types import Float
 from gpusim.fem.dynamics.time_integration import Scheme
 from gpusim.fem.model.history import State
 
+# mean square of a motion about its mean, over that of all: less is none
+_STILL = 1e-12
+
 
 class PhaseError:
     """Of a motion that is stepped by a ``scheme``, looked at step by step."""
@@ -30,9 +33,9 @@ class PhaseError:
     def frequency(self) -> float:
         """The mean one, Hz: Rayleigh's quotient of velocities and of displacements about their
         mean, to which those modes count most that move the body most."""
-        mean = self._sum / self._duration
-        spread = self._squares / self._duration - float(np.vdot(mean, mean))
-        square = self._speeds / self._duration / spread if spread > 0.0 else 0.0
+        mean, whole = self._sum / self._duration, self._squares / self._duration
+        spread = whole - float(np.vdot(mean, mean))
+        square = self._speeds / self._duration / spread if spread > _STILL * whole else 0.0
         return float(np.sqrt(square)) / (2.0 * np.pi)
 
     @property

@@ -127,7 +127,7 @@ def transient(
     """
     check_still(model, "transient")
     at, names = increasing(times, "transient: times"), resolve_formulation(model, formulation)
-    _check_fit(method, damping, geometry, progress, step)
+    _check_fit(method, damping, geometry, step)
     factors = load_factors(loads, len(model.load_cases), at)
     problem = InitialValueProblem(model, names, mass, factors, *initial_state(model, initial))
     problem = with_moving_ground(problem, base)
@@ -139,16 +139,14 @@ def transient(
             fields = superposed(modal_superposition(problem, found, damping, options), at, file)
             fields["unknowns"] = found.unknowns
         else:
-            scheme = Scheme.named(method, spectral_radius)
             rayleigh = damping if isinstance(damping, Rayleigh) else Rayleigh()
             first = _step_length(problem, at, step)
             kind = LinearMotion if geometry == "linear" else NonlinearMotion
-            motion = kind(problem, scheme, rayleigh, options)
+            motion = kind(problem, Scheme.named(method, spectral_radius), rayleigh, options)
             error = tolerance * motion.size(at[-1] - at[0]) if step == "adaptive" else np.inf
             states = time_steps(motion, first, error, motion.begin(at[0]))
             fields = integrated(motion, states, at, file, progress)
-    if base is not None:
-        fields["warnings"] += tuple(drifts(model, base.within(at[0], at[-1], "transient: base")))
+    fields["warnings"] += tuple(drifts(model, base, at))
     options.clock.mark("response")
     return History(times=at, method=method, timings=options.clock.timings, model=model, **fields)
 
@@ -169,14 +167,10 @@ def _step_length(problem: InitialValueProblem, times: Float, step: float | str |
     return length
 
 
-def _check_fit(
-    method: str, damping: Damping | None, geometry: str, progress: Progress | None, step: Any
-) -> None:
+def _check_fit(method: str, damping: Damping | None, geometry: str, step: Any) -> None:
     """Raises InputError for what a method can't do."""
-    expected = "None: it takes no steps"
-    require(method != "modal" or step is None, "transient: step of method 'modal'", step, expected)
-    called, by_modes = progress is None or callable(progress), method == "modal"
-    require(called, "transient: progress", repr(progress), "a function, or None")
+    by_modes, expected = method == "modal", "None: it takes no steps"
+    require(not by_modes or step is None, "transient: step of method 'modal'", step, expected)
     fits, what = geometry == "linear" or not by_modes, "transient: method at large displacements"
     require(fits, what, method, f"one of {', '.join(METHODS)}")
     known = isinstance(damping, Rayleigh | None) or (by_modes and isinstance(damping, ModalDamping))

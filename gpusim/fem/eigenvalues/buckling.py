@@ -12,7 +12,7 @@ from gpusim.errors import NotConverged
 from gpusim.fem.assembly.equation_of_motion import EquationOfMotion
 from gpusim.fem.assembly.geometric_stiffness import GeometricStiffness
 from gpusim.fem.eigenvalues.davidson import Apply, Eigenpairs, Pencil, davidson
-from gpusim.fem.eigenvalues.modes import check_count
+from gpusim.fem.eigenvalues.modes import check_count, how_found
 from gpusim.fem.eigenvalues.rayleigh_quotients import AIM, sharpened
 from gpusim.fem.linear.shifted_solver import ShiftedSolver, definite_solver
 from gpusim.fem.linear.solve_plan import METHODS, Clock, Options
@@ -85,8 +85,6 @@ def buckling(
     cases = len(model.load_cases)
     expected = "one load case, or the sum of several"
     require(cases == 1, "buckling model: load cases", cases, expected)
-    called = progress is None or callable(progress)
-    require(called, "buckling progress", repr(progress), "a function, or None")
     check_count(model, count, "buckling")
     solution = solve(
         model, tolerance=_STATIC * tolerance, formulation=formulation, backend="numpy",
@@ -128,29 +126,16 @@ def _found(model: Model, solution: Solution, count: int, options: Options) -> Bu
     shapes = equation.displacements(rows)
     shapes /= np.abs(shapes).max(axis=(1, 2))[:, None, None]
     error = pairs.error[positive] + rounding + solution.error_estimate
-    worst = float(error.max())
-    converged = settled and worst <= options.tolerance
-    message = f"estimated errors of up to {worst:.1e} after {pairs.steps} steps"
     moved = bool(model.prescribed_cases.any())
-    options.clock.mark("iteration")
+    told = ("factors multiply the displacements of supports, too",) if moved else ()
     return Buckling(
         factors=1.0 / mu,
         shapes=shapes,
         reversed_factor=opposite,
         error_estimate=error,
-        converged=converged,
         solution=solution,
-        unknowns=int(equation.unknown.sum()),
-        steps=pairs.steps,
-        message="converged" if converged else message,
-        warnings=(
-            *solution.warnings,
-            *("factors multiply the displacements of supports, too",) * moved,
-        ),
-        timings=options.clock.timings,
-        method="direct" if solver.exact else "multigrid",
-        reasons=solver.plan.lines,
-        model=model,
+        warnings=solution.warnings + told,
+        **how_found(solver, options, settled, error, pairs.steps),
     )
 
 

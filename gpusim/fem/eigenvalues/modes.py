@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -90,8 +90,6 @@ def modes(
     array([ 83.8,  83.8, 522.6, 522.6])
     """
     require(isinstance(model, Model), "modes model", type(model).__name__, "a Model")
-    called = progress is None or callable(progress)
-    require(called, "modes progress", repr(progress), "a function, or None")
     limits = None if band is None else _limits(band)
     keep_freed_memory()
     names, clock = resolve_formulation(model, formulation), Clock()
@@ -271,15 +269,12 @@ def _result(
     x *= np.sign(np.take_along_axis(x, np.abs(x).argmax(axis=1)[:, None], axis=1))
     centre, total, base = equation.base_motions()
     participation = equation.scale * x @ base.T
-    worst = float(error.max(initial=0.0))
-    converged = found.settled and worst <= options.tolerance
-    message = f"estimated errors of up to {worst:.1e} after {found.steps} steps"
+    how = how_found(search.solver, options, found.settled, error, found.steps)
     error = error + np.concatenate([still, by_stress])[chosen]
     told = (
         f"frequencies are known to {by_stress.max(initial=0.0):.1e} alone, by the error of the "
         "prestress, which is near buckling: a smaller tolerance of its solution mends that"
     )
-    options.clock.mark("iteration")
     return Modes(
         frequencies=frequencies,
         shapes=equation.displacements(x),
@@ -288,15 +283,29 @@ def _result(
         total_mass=total,
         centre=centre,
         error_estimate=error,
-        converged=converged,
         rigid=tuple(np.array(names)[chosen[: len(names)]].tolist()),
-        unknowns=int(equation.unknown.sum()),
-        steps=found.steps,
         below=int(np.argmax(chosen)),
-        message="converged" if converged else message,
         warnings=(told,) if (by_stress > _OPEN).any() else (),
-        timings=options.clock.timings,
-        method="direct" if search.solver.exact else "multigrid",
-        reasons=search.solver.plan.lines,
-        model=equation.model,
+        **how,
     )
+
+
+def how_found(
+    solver: ShiftedSolver, options: Options, settled: bool, error: Float, steps: int
+) -> dict[str, Any]:
+    """What results of an eigenvalue problem tell as a `Computation`, of an iteration that has
+    ``settled`` after so many ``steps``, with estimated errors (n,)."""
+    worst = float(error.max(initial=0.0))
+    converged = settled and worst <= options.tolerance
+    message = f"estimated errors of up to {worst:.1e} after {steps} steps"
+    options.clock.mark("iteration")
+    return {
+        "converged": converged,
+        "message": "converged" if converged else message,
+        "steps": steps,
+        "unknowns": int(solver.equation.unknown.sum()),
+        "timings": options.clock.timings,
+        "method": "direct" if solver.exact else "multigrid",
+        "reasons": solver.plan.lines,
+        "model": solver.equation.model,
+    }

@@ -41,7 +41,7 @@ class ShiftedSolver:
     """
 
     def __init__(self, equation: EquationOfMotion, shift: float, options: Options) -> None:
-        self._equation, self._shift = equation, shift
+        self.equation, self._shift = equation, shift
         assembled, system = equation.shifted(shift)
         # something to solve for: a plan is made for loads
         system = replace(system, right=np.where(system.free, 1.0, 0.0)[None])
@@ -67,12 +67,12 @@ class ShiftedSolver:
 
     def product(self, x: Float) -> Float:
         """K + ``shift`` M times x (L,3N), as an iteration takes it."""
-        return np.where(self._equation.unknown, self._product(x), 0.0)
+        return np.where(self.equation.unknown, self._product(x), 0.0)
 
     def energy(self, x: Float) -> Float:
         """(K + shift M) x for x (L,3N)."""
-        image = self._equation.stiffness(x)
-        return image + self._shift * self._equation.inertia(x) if self._shift else image
+        image = self.equation.stiffness(x)
+        return image + self._shift * self.equation.inertia(x) if self._shift else image
 
     @property
     def may_be_exact(self) -> bool:
@@ -84,7 +84,7 @@ class ShiftedSolver:
     def poor(self) -> bool:
         """Whether a cycle makes so little of some motions that factors are the better way."""
         direct = self.plan.direct() if self.weakest < _WEAK else None
-        patience = _PATIENCE * multigrid_seconds(int(self._equation.unknown.sum()))
+        patience = _PATIENCE * multigrid_seconds(int(self.equation.unknown.sum()))
         return direct is not None and direct.fits and direct.seconds <= patience
 
     @cached_property
@@ -93,7 +93,7 @@ class ShiftedSolver:
         of factors."""
         if self.exact:
             return 1.0
-        unknown = self._equation.unknown
+        unknown = self.equation.unknown
         loop = NumpyCG(self.energy, self.preconditioner)
         active = loop.begin(np.where(unknown, noise(len(unknown), 14), 0.0)[None]) > 0.0
         _, alpha, beta, curvature = loop.run(_STEPS, active)[:, 0].T

@@ -103,8 +103,6 @@ def solve(
     """
     require(isinstance(model, Model), "solve model", type(model).__name__, "a Model")
     require(isinstance(device, Device | None), "solve device", repr(device), "a Device, or None")
-    called = progress is None or callable(progress)
-    require(called, "solve progress", repr(progress), "a function, or None")
     targets = _targets(model, geometry, factors, start)
     keep_freed_memory()
     most, begin = max_iterations and int(max_iterations), _start(model, start)

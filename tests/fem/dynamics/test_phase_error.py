@@ -54,3 +54,11 @@ def test_what_hardly_lags_is_no_warning() -> None:
     )
     assert float(found.message.split("; ")[1].split()[0]) == pytest.approx(1.65e-4, rel=0.1)
     assert not any("of a cycle" in text for text in found.warnings)
+    rests = gs.transient(
+        model,
+        times=[0.0, 50.0 * period],
+        method="newmark",
+        step=period,
+        initial=gs.fem.solve(model),
+    )
+    assert "; 0.0e+00 cycles late" in rests.message and rests.warnings == ()
