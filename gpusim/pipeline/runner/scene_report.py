@@ -50,7 +50,6 @@ from gpusim.report import (
 from gpusim.report.text import number
 from gpusim.scene import Scene
 from gpusim.scene.cost import effects
-from gpusim.scene.frames import frame_text, frame_word
 from gpusim.visualization.color_scale import format_value
 
 _FIRST = ("solve", "equilibria", "geometry", "linear theory")
@@ -372,8 +371,8 @@ def _pairs(scene: Scene, out: Path, told: Sequence[Reported]) -> tuple[FramePair
     factors, last = scene.analysis.load_factors, len(scene.analysis.frame_values) - 1
     objects = [thing for body in scene.bodies for thing in (*body.loads, *body.supports)]
     own = any(thing.amplitude != factors for thing in objects)  # the factors don't tell all then
-    word = frame_word(scene).replace("_", " ")
-    first, then = (frame_text(scene, frame) for frame in (0, last))
+    word, told_of = scene.analysis.word.replace("_", " "), scene.analysis.frame_text
+    first, then = told_of(0), told_of(last)
     when = f"frames 0 and {last}" if own else f"{first} and {then.removeprefix(f'{word} ')}"
     pairs = []
     for camera in scene.cameras:
@@ -386,7 +385,7 @@ def _pairs(scene: Scene, out: Path, told: Sequence[Reported]) -> tuple[FramePair
         sensor = scene.sensor_of(camera.name)
         bits = 16 if sensor.shift else sensor.bits
         images = [
-            (f"frame {k}" if own else frame_text(scene, k), image_path(scene, out, camera.name, k))
+            (f"frame {k}" if own else told_of(k), image_path(scene, out, camera.name, k))
             for k in range(last + 1)
         ]
         pairs.append(FramePair(camera.name, paths[0], paths[1], caption, tuple(crops[:4]), bits,

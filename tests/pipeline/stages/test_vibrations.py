@@ -114,6 +114,45 @@ def test_a_steady_vibration_lags_behind_its_load() -> None:
         assert np.abs(bar.displacement(frame) - u).max() <= 1e-9 * np.abs(found.u).max()
 
 
+def test_a_rod_on_a_shaker() -> None:
+    """Shaken along its axis: the ends of a slender rod move as 1 to 1 / cos(k L)."""
+    slack, length, rates = 0.1, 0.24, [4000.0, 5300.0]
+    material = [{**DOCUMENT["material"][0], "poissons_ratio": 0.0}]
+    shaker = {"acceleration_m_s2": 50.0, "direction": [2.0, 0.0, 0.0]}
+    scene = scene_of(
+        {"type": "harmonic", "frequencies_Hz": rates, "phases": 4, "base_motion": shaker,
+         "damping": {"loss_factor": slack}, "count": 40, "band_Hz": [10.0, 5000.0]},
+        {**BODY, "load": [], "mesh": {**BODY["mesh"], "divisions": [40, 1, 1]}},
+        material=material,
+    )  # fmt: skip
+    bar = scene.solution()["bar"]
+    x, steel = bar.mesh.points[:, 0], scene.materials[0]
+    assert np.isclose(np.ptp(x), length) and not bar.displacement(0).any()
+    speed = np.sqrt(steel.youngs_modulus * (1.0 + 1j * slack) / steel.density)
+    for number, rate in enumerate(rates):
+        angular = 2.0 * np.pi * rate
+        base = -50.0 / angular**2
+        true = base * np.cos(angular / speed * (length - x)) / np.cos(angular / speed * length)
+        for phase in range(4):
+            moved = bar.displacement(1 + 4 * number + phase)
+            off = moved[:, 0] - (true * 1j**phase).real
+            assert np.abs(off).max() <= 2e-3 * np.abs(true).max()
+            assert np.abs(moved[:, 1:]).max() <= 1e-6 * np.abs(true).max()
+            held = np.isclose(x, x.min())
+            assert np.abs(moved[held, 0] - (base * 1j**phase).real).max() <= 1e-12 * abs(base)
+    # at the end of its first quarter of a wave it moves more than the shaker
+    assert np.abs(bar.displacement(6)).max() > 5.0 * 50.0 / (2.0 * np.pi * rates[1]) ** 2
+
+
+def test_a_body_that_nothing_drives_rests() -> None:
+    still = {**BODY, "name": "still", "load": []}
+    still["paint"] = [{**one, "name": f"still-{one['name']}"} for one in BODY["paint"]]
+    given = {"type": "harmonic", "frequencies_Hz": [100.0], "phases": 2, "damping": {"ratio": 0.1}}
+    both = small_scene(analysis=given, body=[BODY, still], measure=[], output={"fields": False})
+    solved = both.solution()
+    assert solved["bar"].displacement(1).any() and not solved["still"].displacement(1).any()
+
+
 def test_a_column_buckles() -> None:
     scene = scene_of({"type": "buckling", "count": 2, "amplitude_mm": 5.0}, PUSHED)
     found = gs.buckling(model_of(scene), 2)
