@@ -65,10 +65,11 @@ class MarkerSet:
     def exposure_drift(self, objects: SceneObjects, camera: m.CameraTable) -> Float | None:
         """(F, M, 3) m by which the mean of an exposure lies off its middle, frame by frame; None
         where no body is known in between, or the ``camera`` sees an instant."""
-        frames = range(len(objects.frames))
-        if camera.shutter is None or not any(map(objects.vibrations, frames)):
+        if camera.shutter is None:
             return None
-        exposure = camera.shutter.exposure
+        frames, exposure = range(len(objects.frames)), camera.shutter.exposure
+        if not any(map(objects.vibrations, frames)):
+            return None
         return self.displacement(
             objects, lambda body: (objects.drift(body, frame, exposure) for frame in frames)
         )

@@ -70,6 +70,31 @@ def test_a_camera_sees_what_happens_while_its_shutter_is_open(modal: Scene) -> N
     assert objects.around((0,), 0, 0.0) is None
 
 
+def test_what_an_exposure_takes_for_the_place(modal: Scene) -> None:
+    """Its mean: of a cosine that is in its middle at rest sin x / x of the amplitude, x being half
+    the angle that passes while the shutter is open."""
+    objects = scene_contents(modal)
+    motion, state = objects.vibrations(5)[0]
+    rate, amplitude = gs.modes(model_of(modal), 4).frequencies[2], motion.displacement(state)
+    for periods in (0.05, 0.4, 2.5):
+        mean = amplitude + objects.drift(0, 5, periods / rate)
+        assert np.abs(mean - np.sinc(periods) * amplitude).max() <= 2e-4 * np.abs(amplitude).max()
+    assert not objects.drift(0, 0, 0.01).any(), "in frame 0 it rests"
+
+
+def test_a_blurred_motion_is_named_as_the_cause(tmp_path: Path) -> None:
+    """143 Hz: the first bending mode is a fifth of a period on the way in 1.5 ms."""
+    camera = {**DOCUMENT["camera"][0], "shutter": {"exposure_ms": 1.5}}
+    scene = scene_of({"type": "modal", "count": 2, "modes": [1], "phases": 1, "amplitude_mm": 1.0},
+                     {**BODY, "load": []}, camera=[camera], measure=DOCUMENT["measure"])  # fmt: skip
+    report = gs.run(scene, tmp_path / "out", backend="numpy")
+    (tip,) = [one for one in report.measurements if one.name.endswith(", -z")]
+    rate = report.modes[0]["frequency_Hz"]
+    missed = float(np.sinc(1.5e-3 * rate)) - 1.0
+    assert abs(tip.measured / tip.truth - 1.0 - missed) <= 0.1 * abs(missed) + 2e-3
+    assert any("the shutter is open while it moves" in text for text in report.warnings)
+
+
 def test_loads_stiffen_or_weaken() -> None:
     """Frame 0 has the body loaded, and the others vibrate about that."""
     scene = scene_of({"type": "modal", "count": 1, "phases": 2, "prestress": True}, PUSHED)
