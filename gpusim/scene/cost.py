@@ -30,6 +30,7 @@ from .description.mesh import (
     PlateMeshTable,
 )
 from .description.model import CameraTable, MarkersTable, Paint, Vec3
+from .description.video import filming
 from .scene import Scene
 
 _SOLVER = {
@@ -58,7 +59,7 @@ def describe(scene: Scene, made: Counts | None = None) -> dict[str, str]:
     if in_color(scene):
         lit += ", light and paint in colour"
     wanted = [name for name in ("vtu", "stl", "calibration") if getattr(scene.output, name)]
-    wanted += [f"film of {name}" for name in scene.films]
+    wanted += [f"film of {name}" for name in filming(scene.video, scene.cameras)]
     return {
         "mesh": "; ".join(mesh_words(body.mesh, made) for body in scene.bodies),
         "solve": f"{size}{_SOLVER[scene.solver.method]}{_solutions(scene)[0]}",
@@ -135,6 +136,7 @@ def estimate(scene: Scene, made: Counts | None = None) -> Cost:
     layers = len(scene.output.truth)
     together = len(scene.cameras) if "cameras" in scene.output.truth else 1
     steps = len(scene.analysis.frame_values)
+    films = len(filming(scene.video, scene.cameras))
     measuring = sum(one.seconds(markers, pixels, steps) for one in scene.measures)
     # what every pixel sees, its spline and its subsets
     of_pixel = 300 if any(one.correlates for one in scene.measures) else 12
@@ -148,35 +150,16 @@ def estimate(scene: Scene, made: Counts | None = None) -> Cost:
         "truth file": (40 * nodes, 0.1 + frames * (0.01 + 1e-9 * layers * pixels)),
         "measure": (of_pixel * pixels, 0.3 + measuring),
         "stress": (600 * elements, 0.1 + steps * 2e-5 * elements),
-        "export": (300 * nodes, steps * (0.1 + 4e-6 * elements + 6e-8 * pixels * len(scene.films))),
+        "export": (300 * nodes, steps * (0.1 + 4e-6 * elements + 6e-8 * pixels * films)),
         "report": (6 * pixels, 1.0 + 2e-8 * pixels),
     }
 
 
-_ITERATIONS, _MODE, _TIME_STEP = 6, 1.5, 0.15
-"""Linear solutions that a load step, a mode and a time step take as long as."""
-
-
-def _load_steps(scene: Scene) -> int:
-    """That are certain: none where the linear solution is to decide."""
-    analysis = scene.analysis
-    known = any(body.large_displacements(analysis.geometry) for body in scene.bodies)
-    return len(set(analysis.load_factors) - {0.0}) if known else 0
-
-
 def _solutions(scene: Scene) -> tuple[str, float]:
     """How bodies are solved, as far as it is known, and how many linear solutions take as long."""
-    analysis, frames = scene.analysis, len(scene.analysis.frame_values)
-    if step := analysis.time_step:
-        steps = round((frames - 1) / (analysis.frame_rate_Hz or 1.0) / step)
-        return f", {steps:,} time steps for {frames:,} frames", 1.0 + _TIME_STEP * steps
-    if analysis.superposes_modes:
-        count = analysis.mode_count
-        return f", {count} modes; {frames:,} frames are superposed from them", 1.0 + _MODE * count
-    if steps := _load_steps(scene):
-        return f", nonlinear, {steps} load steps", 1.0 + _ITERATIONS * steps
-    auto = analysis.geometry == "auto"
-    return ", nonlinear if the linear solution is too far off" if auto else "", 1.0
+    geometry = getattr(scene.analysis, "geometry", "auto")
+    known = any(body.large_displacements(geometry) for body in scene.bodies)
+    return scene.analysis.solutions(nonlinear=known)
 
 
 _GROWTH = 0.25  # of the element size with the distance from a notch, as the builder has it

@@ -225,19 +225,13 @@ class Scene:
         return any(one.uses_calibration for one in self.measures)
 
     @property
-    def films(self) -> tuple[str, ...]:
-        """Names of the cameras whose pictures are filmed."""
-        every = tuple(camera.name for camera in self.cameras)
-        return () if self.video is None else self.video.cameras or every
-
-    @property
     def reads_files(self) -> bool:
         """Whether there is something in files, or in a lens, that only the numerics can check."""
         paints = [paint for thing in (*self.bodies, *self.props) for paint in thing.paints]
         return (
             any(camera.calibration or camera.distortion for camera in self.cameras)
             or any(_is_read(body.mesh) for body in self.bodies)
-            or self.analysis.base_motion is not None
+            or self.analysis.moves_ground
             or any(isinstance(paint, model.PictureTable) for paint in paints)
             or any(
                 isinstance(light, model.EnvironmentTable) and light.path for light in self.lights

@@ -13,6 +13,7 @@ In the order in which data passes:
 - `lens`: What a real camera does to a pinhole's image.
 - `sensor`: From radiance to grey values.
 - `camera`: From where a scene is seen.
+- `video`: Films of the cameras' pictures, and how fast and how long they are taken.
 - `processing`: How far it is solved and rendered, what is written, and states that are compared.
 - `measure_table`: What every ``[[measure]]`` says, and the kinds that there are.
 - `correlation_measures`: The tables of ``[[measure]]`` that correlate pictures: what all of them

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from gpusim.choices import LensModel
 from gpusim.scene.tables.table import (
+    AnyOf,
     Length,
     Listed,
     Name,
@@ -32,7 +33,7 @@ from .correlation_measures import (
     LineMeasureTable,
     PointMeasureTable,
 )
-from .measure_table import TABLES, AnyKind, MeasureFault, MeasureTable
+from .measure_table import TABLES, MeasureFault, MeasureTable
 
 
 class PublishedTable(Table):
@@ -284,5 +285,5 @@ TABLES.update(
         PointMeasureTable, DamageTable,
     )
 )  # fmt: skip
-AnyMeasure = Annotated[MeasureTable, AnyKind()]
+AnyMeasure = Annotated[MeasureTable, AnyOf(TABLES)]
 """The table of any kind."""

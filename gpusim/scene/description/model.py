@@ -9,7 +9,7 @@ horizontal.
 
 from gpusim.scene.tables.table import Vec3
 
-from .analysis.analysis_table import AnalysisTable, AnalysisType
+from .analysis.analysis_table import AnalysisTable
 from .analysis.loads import (
     Amplitude,
     CentrifugalTable,
@@ -26,6 +26,9 @@ from .analysis.loads import (
     TractionTable,
     WhereTable,
 )
+from .analysis.statics import StaticTable
+from .analysis.transient import TransientTable
+from .analysis.vibrations import OscillationTable
 from .camera import CameraTable
 from .correlation_measures import (
     CorrelationTable,

@@ -10,8 +10,11 @@ from pydantic import Field, model_validator
 
 from gpusim.scene.tables.table import Listed, Name, Table, Words, fault
 
-from .analysis.analysis_table import AnalysisTable
+from .analysis.analysis_table import TABLES, AnyAnalysis
 from .analysis.loads import Amplitude, Load, LoadTable, SupportTable, TieTable, WhereTable
+from .analysis.statics import FieldTable, StaticTable
+from .analysis.transient import TransientTable
+from .analysis.vibrations import BucklingTable, HarmonicTable, ModalTable
 from .camera import CameraTable
 from .lights import LightTable
 from .material import MaterialTable
@@ -197,6 +200,12 @@ class BodyTable(Table):
         )
 
 
+TABLES.update(
+    static=StaticTable, field=FieldTable, modal=ModalTable, transient=TransientTable,
+    harmonic=HarmonicTable, buckling=BucklingTable,
+)  # fmt: skip
+
+
 class SceneTable(Table):
     """A gpusim scene: structure, loads, cameras, lights, and what to measure.
 
@@ -234,7 +243,7 @@ class SceneTable(Table):
     """Deformable bodies, which are solved and seen."""
     prop: Annotated[tuple[PropTable, ...], Listed()] = ()
     """Rigid things in the picture: walls, boards, machines."""
-    analysis: AnalysisTable = AnalysisTable()
+    analysis: AnyAnalysis = StaticTable()
     """What is computed, and the frames that it is computed for."""
     solver: SolverTable = SolverTable()
     """How far to solve."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import suppress
 from typing import Annotated, Any, Literal
 
@@ -10,6 +11,7 @@ from pydantic import Field
 from gpusim.scene.tables.table import SeveralNames, Table, tables_of
 
 from .analysis.analysis_table import ANALYSIS_TYPES
+from .camera import CameraTable
 
 VideoFormat = Literal["ffv1", "mraw", "tiff", "png", "mp4"]
 
@@ -34,6 +36,12 @@ class VideoTable(Table):
     that aren't in time, modes and phases, how fast the film is to be played."""
     exposure_us: Annotated[float, Field(ge=0)] | None = None
     """The ``shutter.exposure_ms`` of cameras without a ``shutter``."""
+
+
+def filming(video: VideoTable | None, cameras: Iterable[CameraTable]) -> tuple[str, ...]:
+    """Names of the ``cameras`` that film."""
+    every = tuple(camera.name for camera in cameras)
+    return () if video is None else video.cameras or every
 
 
 def has_frame_rate(analysis: str) -> bool:

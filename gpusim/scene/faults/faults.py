@@ -17,11 +17,6 @@ from .key_paths import Keys, Origins, dotted, origin_of
 from .schema_places import Place, expected, locate
 
 MOST = 200  # faults that are looked into; to find the nearest word of each takes a while
-_WAYS_OUT = {
-    "video": "pictures are files; `ffmpeg -framerate 25 -i images/front/%04d.png -c:v ffv1 "
-    "front.mkv` joins them",
-}
-"""What is asked for and isn't there, and what to do in its place."""
 _OF_BODIES = ("load", "mesh", "notch", "paint", "part", "support")
 _OUT_OF_RANGE = {"greater_than", "greater_than_equal", "less_than", "less_than_equal"}
 _OF_WRONG_TYPE = {
@@ -89,12 +84,14 @@ def _fault(
         return Fault(key, context["problem"], value_text(context["got"]), context["expected"])
     if kind == "extra_forbidden":
         near = similar_name(str(place.keys[-1]), place.valid_keys)
+        if others := place.kinds_with_key:
+            near = ""
         keys = "" if near else "one of " + ", ".join(place.valid_keys)
-        if key in _WAYS_OUT:
-            return Fault(key, "no such key yet", hint=_WAYS_OUT[key])
         if key in _OF_BODIES:
             return Fault(key, "unknown key", hint=f"did you mean body.{key}?")
-        return Fault(key, "unknown key", "", keys, _did_you_mean(near))
+        named = " or ".join(f'"{one}"' for one in others)
+        hint = f"a key of {named}" if others else _did_you_mean(near)
+        return Fault(key, "unknown key", "", keys, hint)
     if kind == "missing":
         return Fault(key, "missing", "", _wanted(place))
     if kind == "union_tag_not_found":

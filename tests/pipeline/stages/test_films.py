@@ -14,6 +14,7 @@ from gpusim.errors import SceneError
 from gpusim.export.images import read_image
 from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene
+from gpusim.scene.description.video import filming
 from tests.support.small_scene import DOCUMENT, small_scene
 
 CAMERA = DOCUMENT["camera"][0]
@@ -66,7 +67,7 @@ def test_one_rate_and_one_exposure_for_all() -> None:
         analysis=LOADS, camera=[CAMERA, slow], **LEAN,
         video={"frame_rate_Hz": 200.0, "exposure_us": 500.0, "cameras": ["slow"]},
     )  # fmt: skip
-    assert scene.analysis.frame_rate == 200.0 and scene.films == ("slow",)
+    assert scene.analysis.frame_rate == 200.0 and filming(scene.video, scene.cameras) == ("slow",)
     shutters = [camera.shutter for camera in scene.cameras]
     assert [one and one.exposure for one in shutters] == [5e-4, 2e-3]
     assert Scene.from_document(tomllib.loads(scene.to_toml())) == scene
