@@ -145,7 +145,7 @@ def visibility_twin(view: View) -> npt.NDArray[np.uint32]:
     left, right = _row_interval(screen[triangle], row.astype(np.float64))
     first = np.maximum(np.ceil(left), 0).astype(np.int64)
     count = np.maximum(np.minimum(np.ceil(right), shape[1]).astype(np.int64) - first, 0)
-    depth_plane = _depth_planes(screen, view.inverse_depth())
+    depth_plane = depth_planes(screen, view.inverse_depth())
     for part in batches(count, CHUNK):
         span, column = expand(count[part])
         span += part.start
@@ -176,13 +176,14 @@ def _row_interval(corners: Float, row: Float) -> tuple[Float, Float]:
     return np.where(empty, 0.0, left), np.where(empty, 0.0, right)
 
 
-def _depth_planes(screen: Float, inverse: Float) -> Float:
-    """(T, 3) coefficients of 1 / z = a x + b y + c."""
-    d1, d2 = screen[:, 1] - screen[:, 0], screen[:, 2] - screen[:, 0]
-    determinant = d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0]
-    determinant = np.where(determinant != 0.0, determinant, np.inf)
-    z1, z2 = inverse[:, 1] - inverse[:, 0], inverse[:, 2] - inverse[:, 0]
-    a = (z1 * d2[:, 1] - z2 * d1[:, 1]) / determinant
-    b = (z2 * d1[:, 0] - z1 * d2[:, 0]) / determinant
-    c = inverse[:, 0] - a * screen[:, 0, 0] - b * screen[:, 0, 1]
-    return np.stack([a, b, c], axis=1)
+def depth_planes(corners: Float, inverse: Float) -> Float:
+    """(n, 3): 1 / z = a x + b y + c through corners (n, 3, 2), where it is ``inverse`` (n, 3)."""
+    x, y = np.asfortranarray(corners).T
+    z = np.asfortranarray(inverse).T
+    ux, uy, vx, vy = x[1] - x[0], y[1] - y[0], x[2] - x[0], y[2] - y[0]
+    area = ux * vy - uy * vx
+    safe = np.where(area != 0.0, area, np.inf)
+    p, q = z[1] - z[0], z[2] - z[0]
+    a = (p * vy - q * uy) / safe
+    b = (q * ux - p * vx) / safe
+    return np.stack([a, b, z[0] - a * x[0] - b * y[0]]).T

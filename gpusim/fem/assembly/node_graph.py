@@ -16,11 +16,11 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_matrix
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.unique import mix, unique_hashes
+from gpusim.arrays.z_order import z_order
 from gpusim.fem.assembly.element_batches import Elements, Group, portions, repeating
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.solution import Solution
@@ -37,12 +37,6 @@ _TRANSPOSED = np.array([0, 3, 6, 1, 4, 7, 2, 5, 8])
 _FEW = 10_000
 # node numbers may be this many times as far apart in a cell as in a well numbered cube
 _FAR = 4.0
-# masks of the bits of one coordinate, spread to every third place step by step
-_SPREAD = (
-    (32, 0x001F00000000FFFF), (16, 0x001F0000FF0000FF), (8, 0x100F00F00F00F00F),
-    (4, 0x10C30C30C30C30C3), (2, 0x1249249249249249),
-)  # fmt: skip
-_BITS = 21
 
 
 class NodeGraph:
@@ -293,7 +287,7 @@ class Numbering:
         good = sum(reach) <= _FAR * mesh.node_count ** (2.0 / 3.0) * mesh.cell_count
         if good or repeating(model):
             return None
-        return Numbering(np.argsort(_along_curve(mesh.points), kind="stable"))
+        return Numbering(np.argsort(z_order(mesh.points), kind="stable"))
 
     def renumbered(self, model: Model) -> Model:
         """The same model in the new numbers."""
@@ -339,13 +333,3 @@ class Numbering:
             reactions=self.backward(solution.reactions),
             steps=tuple(steps),
         )
-
-
-def _along_curve(points: Float) -> npt.NDArray[np.uint64]:
-    """(N,) places along a Z-order curve (Morton 1966), coordinates to 21 bits of the extent."""
-    low = points.min(axis=0)
-    extent = float((points.max(axis=0) - low).max()) or 1.0
-    place = ((points - low) * ((2**_BITS - 1) / extent)).astype(np.uint64)
-    for shift, mask in _SPREAD:
-        place = (place | (place << np.uint64(shift))) & np.uint64(mask)
-    return np.asarray(place[:, 0] | (place[:, 1] << np.uint64(1)) | (place[:, 2] << np.uint64(2)))

@@ -7,7 +7,7 @@ import os
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
@@ -41,6 +41,14 @@ def statements(file: InputFile, expected: str) -> Iterator[tuple[int, str, str]]
         if text and not before:
             keyword, *rest = text.split(None, 1)
             yield number, keyword, "".join(rest)
+
+
+def padded_text(value: Any) -> str:
+    """A text in bytes, up to the first that is zero, or any value's; signs instead of letters that
+    a terminal would obey."""
+    letters = value if isinstance(value, bytes) else str(value).encode()
+    text = letters.split(b"\0")[0].decode("utf-8", "replace").strip()
+    return "".join(c if c.isprintable() else "?" for c in text)
 
 
 def fail(file: InputFile, problem: str, line: int | None = None) -> NoReturn:

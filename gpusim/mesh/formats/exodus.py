@@ -22,6 +22,7 @@ from gpusim.files.input_file import InputFile, read_input
 from gpusim.mesh.file_content.cell_blocks import side_pairs
 from gpusim.mesh.file_content.faults import file_faults
 from gpusim.mesh.file_content.numbering import EXODUS_SIDES, from_upright_first
+from gpusim.mesh.file_content.text import padded_text
 from gpusim.mesh.mesh import Mesh
 from gpusim.validation import require
 
@@ -98,7 +99,7 @@ def exodus_content(file: InputFile) -> ExodusContent:
         name: array if name.startswith("vals_") else native(array)
         for name, (array, _) in variables.items()
     }
-    kinds = {name: _text(kind) for name, (_, kind) in variables.items()}
+    kinds = {name: padded_text(kind) for name, (_, kind) in variables.items()}
     return ExodusContent(file, arrays, kinds)
 
 
@@ -107,15 +108,10 @@ def native(data: Any) -> npt.NDArray[Any]:
     return array.astype(array.dtype.newbyteorder("="))
 
 
-def _text(value: Any) -> str:
-    return value.decode("ascii", "replace") if isinstance(value, bytes) else str(value)
-
-
 def strings(letters: npt.NDArray[Any]) -> list[str]:
     # as bytes, for NumPy's strings hide the zero that ends a text (rubbish may follow it)
     rows = np.ascontiguousarray(letters).reshape(-1, letters.shape[-1])
-    texts = [row.tobytes().split(b"\0")[0].decode("utf-8", "replace").strip() for row in rows]
-    return ["".join(c if c.isprintable() else "?" for c in text) for text in texts]
+    return [padded_text(row.tobytes()) for row in rows]
 
 
 _KIND = "complete Exodus file"

@@ -19,6 +19,7 @@ from gpusim.files.input_file import InputFile
 from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh
 from gpusim.mesh.file_content.faults import file_faults
 from gpusim.mesh.file_content.numbering import MED_KINDS, NODES, right_handed_cells
+from gpusim.mesh.file_content.text import padded_text
 
 # numbers and names of nodes and cells, which groups don't refer to
 _HARMLESS = {"NUM", "NOM", "GLB", "FAM"}
@@ -96,7 +97,7 @@ class _Reader:
         return RawMesh(points, tuple(blocks), self.groups(f"{step}/NOE", families[0], len(points)))
 
     def refuse_others(self, path: str, main: str) -> None:
-        profile = _text(self.attribute(path, "PFL", _NO_PROFILE))
+        profile = padded_text(self.attribute(path, "PFL", _NO_PROFILE))
         if profile != _NO_PROFILE:
             self.fail(f"{path}: profile {profile!r}; expected all nodes and cells")
         for name in self.inside(path):
@@ -130,7 +131,7 @@ class _Reader:
             number = int(self.attribute(family, "NUM"))
             if letters in self.objects:
                 rows = np.ascontiguousarray(self.array(letters)).view(np.uint8).reshape(-1, 80)
-                found[number] = [_text(row.tobytes()) for row in rows]
+                found[number] = [padded_text(row.tobytes()) for row in rows]
         return found
 
     def groups(self, path: str, families: dict[int, list[str]], count: int) -> dict[str, Long]:
@@ -146,9 +147,3 @@ class _Reader:
                 rows.setdefault(name, []).append(np.flatnonzero(tags == number))
         every = {name: np.unique(np.concatenate(parts)) for name, parts in rows.items()}
         return {name: found for name, found in every.items() if len(found)}
-
-
-def _text(value: Any) -> str:
-    letters = value if isinstance(value, bytes) else str(value).encode()
-    text = letters.split(b"\0")[0].decode("utf-8", "replace").strip()
-    return "".join(c if c.isprintable() else "?" for c in text)

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float, Long
-from gpusim.optics.shadow.occluders import morton_codes
+from gpusim.arrays.z_order import z_order
 from gpusim.surface.topology import opposite_sides
 
 TILT = 0.1
@@ -205,7 +205,7 @@ def levels(count: int) -> list[int]:
 
 def in_order(at: Float, *keys: Long) -> Long:
     """The order (N,) by ``keys`` (N,), the first one above the others, then by where (N, 3) is."""
-    return np.lexsort((morton_codes(at), *keys[::-1]))
+    return np.lexsort((z_order(at), *keys[::-1]))
 
 
 def direction_cells(normal: Float) -> Long:

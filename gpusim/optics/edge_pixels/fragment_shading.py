@@ -12,11 +12,7 @@ from gpusim.arrays.array_types import Float, Long
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.camera.undistortion_table import distortion_map
 from gpusim.optics.edge_pixels.fragment_lists import EdgePixels
-from gpusim.optics.edge_pixels.visible_polygons import (
-    Cutting,
-    depth_planes,
-    visible_polygons,
-)
+from gpusim.optics.edge_pixels.visible_polygons import Cutting, visible_polygons
 from gpusim.optics.geometry.polygon_clipping import (
     clip_square,
     half_planes,
@@ -32,6 +28,7 @@ from gpusim.optics.shading.coefficients import PerTriangle
 from gpusim.optics.shading.lighting import SharesOf
 from gpusim.optics.shading.radiance import radiance_of
 from gpusim.optics.shading.setup import Setup
+from gpusim.optics.visibility_buffer import depth_planes
 from gpusim.surface.color import grey
 
 THIN = 5e-4

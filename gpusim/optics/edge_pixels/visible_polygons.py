@@ -26,6 +26,7 @@ from gpusim.optics.geometry.polygon_clipping import (
     moments,
     pick,
 )
+from gpusim.optics.visibility_buffer import depth_planes
 
 TOUCH = 2e-5
 """px by which neighbours may overlap from rounding alone."""
@@ -52,19 +53,6 @@ class Cutting:
     pierced: Bool
     last: Long
     depth: Float
-
-
-def depth_planes(corners: Float, inverse: Float) -> Float:
-    """(n, 3): 1 / z = a x + b y + c through corners (n, 3, 2), where it is ``inverse`` (n, 3)."""
-    x, y = np.asfortranarray(corners).T
-    z = np.asfortranarray(inverse).T
-    ux, uy, vx, vy = x[1] - x[0], y[1] - y[0], x[2] - x[0], y[2] - y[0]
-    area = ux * vy - uy * vx
-    safe = np.where(area != 0.0, area, np.inf)
-    p, q = z[1] - z[0], z[2] - z[0]
-    a = (p * vy - q * uy) / safe
-    b = (q * ux - p * vx) / safe
-    return np.stack([a, b, z[0] - a * x[0] - b * y[0]]).T
 
 
 def visible_polygons(

@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long, Single
+from gpusim.arrays.z_order import z_order
 from gpusim.gpu import Bound, Device, Recording, Texels, Uniform
 from gpusim.mesh.polygons import unit_normals
 from gpusim.optics.geometry.triangle_corners import CHUNK, parts
@@ -34,8 +35,6 @@ NO_OCCLUDER = 0xFFFFFFFF
 
 SHEETS = 32
 """Open surfaces that have a number."""
-
-MORTON_BITS = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +76,7 @@ class Occluders:
         require(first > 0, "shadows occluders", "no triangles", "one at least")
         every = np.concatenate(triangles)
         points = np.concatenate([surface.points for surface in surfaces])
-        order = np.argsort(morton_codes(points[every].mean(axis=1)), kind="stable")
+        order = np.argsort(z_order(points[every].mean(axis=1)), kind="stable")
         rank = np.empty(first, np.int64)
         rank[order] = np.arange(first)
         beside = np.concatenate(neighbours)[order]
@@ -129,22 +128,6 @@ def _across(topology: Topology) -> Long:
     shared = topology.opposed & (topology.first != topology.second)
     first, second = topology.first[edge], topology.second[edge]
     return np.where(shared[edge], np.where(first == own, second, first), -1)
-
-
-def morton_codes(places: Float) -> npt.NDArray[np.uint64]:
-    """(n,): bits of x, y and z of ``places`` (n, 3) in turn."""
-    if not len(places):
-        return np.zeros(0, np.uint64)
-    low = places.min(axis=0)
-    size = max(float((places.max(axis=0) - low).max()), 1e-300)
-    cell = ((places - low) / size * ((1 << MORTON_BITS) - 1)).astype(np.uint64)
-    masks = (0x1F0000FF0000FF, 0x100F00F00F00F00F, 0x10C30C30C30C30C3, 0x1249249249249249)
-    for shift, mask in zip((16, 8, 4, 2), masks, strict=True):
-        cell = (cell | (cell << np.uint64(shift))) & np.uint64(mask)
-    result: npt.NDArray[np.uint64] = (
-        cell[:, 0] | cell[:, 1] << np.uint64(1) | cell[:, 2] << np.uint64(2)
-    )
-    return result
 
 
 HIDES_NOTHING, AWAY, TOWARDS, SPLIT, SPLIT_OPEN, AWAY_OPEN, CROSSING, KIND = range(8)
