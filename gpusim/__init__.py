@@ -48,10 +48,10 @@ Its parts, in the order in which they import each other:
 - `__main__`: Where it begins.
 """
 
-import importlib as _importlib
 import typing as _typing
 
 from gpusim._version import __version__ as __version__
+from gpusim.public_names import public_names as _public_names
 
 if _typing.TYPE_CHECKING:
     from gpusim import applications as applications
@@ -140,8 +140,9 @@ if _typing.TYPE_CHECKING:
     from gpusim.surface import Surface as Surface
     from gpusim.surface import paint as paint
 
-_MODULES = ("applications", "errors", "export", "fem", "measure", "mesh")
 _HOMES = {
+    "gpusim": "applications errors export fem measure mesh",
+    "gpusim._version": "__version__",
     "gpusim.applications.field_scene": "field_scene",
     "gpusim.deck": "Deck load_deck",
     "gpusim.errors": (
@@ -172,17 +173,4 @@ _HOMES = {
     "gpusim.scene": "Scene load_scene",
     "gpusim.surface": "Atlas CylinderFrame PaintFrame Skin Surface paint",
 }
-_HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
-__all__ = sorted([*_MODULES, *_HOME_OF, "__version__"])
-
-
-def __getattr__(name: str) -> _typing.Any:
-    if name in _MODULES:
-        return _importlib.import_module(f"gpusim.{name}")
-    if name in _HOME_OF:
-        return getattr(_importlib.import_module(_HOME_OF[name]), name)
-    raise AttributeError(f"module 'gpusim' has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return __all__
+__all__, __getattr__, __dir__ = _public_names(__name__, _HOMES)

@@ -14,8 +14,8 @@ Lookup = tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]
 def public_names(package: str, later: Mapping[str, str] | None = None) -> Lookup:
     """A package's ``__all__``, ``__getattr__`` and ``__dir__``, asked for at the end of it.
 
-    Names without an underscore in front are public; modules of its own aren't. ``later``: names
-    that take time to import, by the module that has them.
+    Names without an underscore in front are public; modules of its own aren't, but those that are
+    asked for. ``later``: names that take time to import, by the module that has them.
     """
     home_of = {name: home for home, names in (later or {}).items() for name in names.split()}
     here = {
@@ -26,8 +26,10 @@ def public_names(package: str, later: Mapping[str, str] | None = None) -> Lookup
     public = sorted(here | home_of.keys())
 
     def attribute(name: str) -> Any:
-        if name in home_of:
-            return getattr(importlib.import_module(home_of[name]), name)
-        raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        if name not in home_of:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        if home_of[name] == package:
+            return importlib.import_module(f"{package}.{name}")
+        return getattr(importlib.import_module(home_of[name]), name)
 
     return public, attribute, lambda: public

@@ -308,14 +308,14 @@ def plan(
             make_plan, loaded, output, backend, fresh=fresh, skip=not no_skip, store=store,
             verify=verify, speed=speed,
         )  # fmt: skip
-        made, waits = planned(), waits_for_cad(loaded)
+        waits = waits_for_cad(loaded)
         beforehand: list[str] = []
         counts: Counts = {}
         # a part that needs no mesh any more is left alone
-        if not waits or any(s.runs and s.name.endswith("mesh") for s in made.stages):
+        if not waits or any(s.runs and s.name.endswith("mesh") for s in planned().stages):
             with waiting("meshing CAD with Gmsh" if waits else ""):
                 beforehand = scene_warnings(loaded, counts)
-        made = planned(made=counts) if counts else made
+        made = planned(made=counts)
         short = memory_fault(made)
         found = (*made.warnings, *strange, *beforehand, *([short] if short else []))
         made = replace(made, warnings=tuple(dict.fromkeys(found)))

@@ -18,14 +18,9 @@ In the order in which data passes:
 - `load`: Reading a deck: keywords and parameters, then each card.
 """
 
-from __future__ import annotations
+from gpusim.deck.deck import Deck as Deck
+from gpusim.deck.load import load_deck as load_deck
+from gpusim.deck.step import Step as Step
+from gpusim.public_names import public_names as _public_names
 
-from gpusim.deck.deck import Deck
-from gpusim.deck.load import load_deck
-from gpusim.deck.step import Step
-
-__all__ = ["Deck", "Step", "load_deck"]
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__all__, __getattr__, __dir__ = _public_names(__name__)

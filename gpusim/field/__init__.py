@@ -7,13 +7,9 @@ In the order in which data passes:
 - `read`: Reading fields, by the ending of their name.
 """
 
-from __future__ import annotations
+from gpusim.field.field import Field as Field
+from gpusim.field.read import FIELD_SUFFIXES as FIELD_SUFFIXES
+from gpusim.field.read import read_field as read_field
+from gpusim.public_names import public_names as _public_names
 
-from gpusim.field.field import Field
-from gpusim.field.read import FIELD_SUFFIXES, read_field
-
-__all__ = ["FIELD_SUFFIXES", "Field", "read_field"]
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__all__, __getattr__, __dir__ = _public_names(__name__)

@@ -38,7 +38,7 @@ def make_plan(
     nothing is reused, and what the loads make trivial is computed all the same; outputs that the
     scene doesn't ask for are not made. ``store``, ``verify``: as `gpusim.run` has them. ``speed``:
     of the machine, for the seconds; None: those of the machine that the costs were measured on.
-    ``made``: how large the meshes of files are, which a CAD file doesn't say.
+    ``made``: how large meshes are that were made; others are guessed.
     """
     from gpusim.gpu import chosen_backend
 

@@ -1,7 +1,7 @@
 """Cost of a run, from the scene's numbers alone: what ``gpusim plan`` prints.
 
-How many nodes and elements a mesh recipe makes is counted without making it; of a CAD file only a
-mesh that was made knows, so that these counts are handed in. The rates are those of
+How many nodes and elements a mesh recipe makes is guessed without making it, for the memory that it
+takes; counts of meshes that were made are handed in. The rates are those of
 two CPU cores with a software Vulkan device; `gpusim.plan.machine_speed` knows how this machine
 compares. All is meant to be right within a factor of two. Shaders are compiled when they are first
 used, which takes longer than most images; the driver keeps them for later runs.
@@ -9,11 +9,8 @@ used, which takes longer than most images; the driver keeps them for later runs.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import pairwise
-from math import ceil, log
+from math import log
 from pathlib import Path
-from typing import NamedTuple
 
 from gpusim.files.input_file import file_stamp
 
@@ -26,7 +23,6 @@ from .description.mesh import (
     FieldMeshTable,
     FileMeshTable,
     MeshRecipe,
-    NotchRecipeTable,
     PlateMeshTable,
 )
 from .description.model import CameraTable, MarkersTable, Paint, Vec3
@@ -40,14 +36,15 @@ _SOLVER = {
 }
 Cost = dict[str, tuple[int, float]]
 Counts = dict[MeshRecipe, tuple[int, int]]
-"""Nodes and elements of meshes that were made of files."""
+"""Nodes and elements of meshes that were made."""
 
 
 def describe(scene: Scene, made: Counts | None = None) -> dict[str, str]:
     """Stage kind -> how much of it there is, in a few words."""
     counts = [element_counts(body.mesh, made) for body in scene.bodies]
     nodes = sum(count[0] for count in counts)
-    size = f"{3 * nodes:,} unknowns, " if all(count[0] for count in counts) else ""
+    known = made is not None and all(body.mesh in made for body in scene.bodies)
+    size = f"{3 * nodes:,} unknowns, " if known else ""
     lights = len(scene.lights)
     lit = f"{lights} light{'s' if lights > 1 else ''}" if lights else "no light: albedo"
     casting = sum(getattr(light, "shadows", False) for light in scene.lights)
@@ -162,76 +159,39 @@ def _solutions(scene: Scene) -> tuple[str, float]:
     return scene.analysis.solutions(nonlinear=known)
 
 
-_GROWTH = 0.25  # of the element size with the distance from a notch, as the builder has it
 _BYTES_PER_NODE = 100  # of a mesh file with its elements, roughly
-
-
-class _Nodes(NamedTuple):
-    """Of a cell type: ``elements`` of each brick, and which edges, faces across the layers
-    (``layers``) and along them (``sides``) and cells of a grid get a node of their own."""
-
-    elements: int
-    edges: int = 0
-    layers: int = 0
-    sides: int = 0
-    inside: int = 0
-
-
-_BUILT_NODES = {
-    "hex8": _Nodes(1), "hex20": _Nodes(1, edges=1), "hex27": _Nodes(1, 1, 1, 1, 1),
-    "tet4": _Nodes(6), "tet10": _Nodes(6, 1, 1, 1, 1), "wedge6": _Nodes(2),
-    "wedge15": _Nodes(2, edges=1, layers=1),
-}  # fmt: skip
-
-
-@dataclass(frozen=True)
-class _Plane:
-    """A plane mesh of quadrilaterals: nodes, elements, and the holes in it."""
-
-    nodes: int
-    cells: int
-    holes: int = 0
-
-    @property
-    def edges(self) -> int:
-        """By Euler's formula."""
-        return self.nodes + self.cells - 1 + self.holes
+_CUT = {"tet4": 6, "tet10": 6, "wedge6": 2, "wedge15": 2}
+"""Elements that a brick is cut into."""
+_NODES = {"hex20": 4, "hex27": 8, "tet10": 8, "wedge15": 5}
+"""Nodes of all kinds for each corner, where some are added to these."""
 
 
 def element_counts(recipe: MeshRecipe, made: Counts | None = None) -> tuple[int, int]:
-    """Nodes and elements that a recipe makes: to within rounding for builders, not less what
-    notches cut away; of a file that isn't ``made`` a guess from its size, and 0 for CAD."""
+    """Nodes and elements: of a mesh that was ``made`` exactly, else roughly, of a file by its size;
+    0 of a CAD file."""
     if made and recipe in made:
         return made[recipe]
     if isinstance(recipe, FileMeshTable | FieldMeshTable):
         cad = isinstance(recipe, FileMeshTable) and recipe.is_cad
         nodes = 0 if cad else _file_bytes(recipe) // _BYTES_PER_NODE
         return nodes, nodes
-    plane, layers = _plane(recipe)
-    across = plane.cells * (layers + 1)  # faces that layers lie on
-    kind = _BUILT_NODES[recipe.cells]
-    nodes = (
-        plane.nodes * (layers + 1)
-        + kind.edges * (plane.edges * (layers + 1) + plane.nodes * layers)
-        + kind.layers * across
-        + kind.sides * plane.edges * layers
-        + kind.inside * plane.cells * layers
-    )
-    return nodes, kind.elements * plane.cells * layers
+    area, layers = _bricks(recipe)
+    cells = recipe.cells
+    return _NODES.get(cells, 1) * area * (layers + 1), _CUT.get(cells, 1) * area * layers
 
 
 def mesh_words(recipe: MeshRecipe, made: Counts | None = None) -> str:
     """What is known of a mesh, in a few words."""
     nodes, elements = element_counts(recipe, made)
-    counted = f"{nodes:,} nodes, {elements:,} elements"
+    known = made is not None and recipe in made
+    words = f"{nodes:,} nodes, {elements:,} elements" if known else f"about {elements:,} elements"
     if not isinstance(recipe, FileMeshTable | FieldMeshTable):
-        return counted
-    name = Path(recipe.path).name
-    if made and recipe in made:
-        return f"{name}, {counted}"
-    if isinstance(recipe, FileMeshTable) and recipe.size is not None:
-        return f"{name}, to be meshed with elements up to {recipe.size * 1e3:g} mm"
-    return f"{name}, {_file_bytes(recipe) / 1e6:.2g} MB"
+        return words
+    if not known:
+        words = f"{_file_bytes(recipe) / 1e6:.2g} MB"
+        if isinstance(recipe, FileMeshTable) and recipe.size is not None:
+            words = f"to be meshed with elements up to {recipe.size * 1e3:g} mm"
+    return f"{Path(recipe.path).name}, {words}"
 
 
 def _file_bytes(recipe: FileMeshTable | FieldMeshTable) -> int:
@@ -240,86 +200,40 @@ def _file_bytes(recipe: FileMeshTable | FieldMeshTable) -> int:
     return stamp[1] if stamp else 0
 
 
-def _plane(recipe: MeshRecipe) -> tuple[_Plane, int]:
-    """The plane mesh that is extruded, and the number of layers."""
+def _bricks(recipe: MeshRecipe) -> tuple[int, int]:
+    """About how many the plane mesh has that is extruded, and the number of layers."""
     if isinstance(recipe, BoxMeshTable | BeamMeshTable):
         nx, ny, nz = _divisions(recipe)
-        return _Plane((nx + 1) * (ny + 1), nx * ny), nz
+        return nx * ny, nz
     if isinstance(recipe, CraneMeshTable):
-        along = sum(
-            max(1, round(length / recipe.element))
-            for length in (
-                recipe.foot,
-                recipe.height,
-                recipe.length - recipe.load_length - recipe.column_thickness,
-                recipe.load_length,
-            )
-        )
-        # the joint, through x through, belongs to both members
-        rows = along + recipe.through
-        return _Plane((rows + 1) * (recipe.through + 1), rows * recipe.through), recipe.across
+        beam = recipe.length - recipe.column_thickness
+        along = (recipe.foot + recipe.height + beam) / recipe.element + recipe.through
+        return round(along) * recipe.through, recipe.across
     assert isinstance(recipe, PlateMeshTable | BracketMeshTable)
-    sides = recipe.around // 4
-    ring = _Plane(recipe.around * (recipe.radial + 1), recipe.around * recipe.radial, 1)
+    sides, ring = recipe.around // 4, recipe.around * recipe.radial
     if isinstance(recipe, PlateMeshTable):
-        square = min(recipe.length, recipe.width)
-        rest = 0.5 * (max(recipe.length, recipe.width) - square)
-        columns = 2 * _columns(rest, square, sides)
-        return _Plane(
-            ring.nodes + columns * (sides + 1), ring.cells + columns * sides, 1
-        ), recipe.through
+        short, long = sorted((recipe.length, recipe.width))
+        return ring + round((long / short - 1.0) * sides**2), recipe.through
     turn = recipe.fillet_radius + recipe.thickness + recipe.width
-    columns = recipe.bend + sum(
-        _columns(leg - turn, recipe.width, sides)
-        for leg in (recipe.base_length, recipe.wall_height)
-    )
-    nodes = 2 * ring.nodes + (columns - 1) * (sides + 1)
-    return _Plane(nodes, 2 * ring.cells + columns * sides, 2), recipe.through
+    legs = (recipe.base_length + recipe.wall_height - 2.0 * turn) / recipe.width
+    return 2 * ring + (recipe.bend + round(legs * sides)) * sides, recipe.through
 
 
-def _columns(rest: float, square: float, sides: int) -> int:
-    """Columns of elements between a square around a hole and the next border."""
-    return max(1, round(rest * sides / square)) if rest > 1e-9 * square else 0
-
-
-def _divisions(recipe: BoxMeshTable | BeamMeshTable) -> tuple[int, int, int]:
-    if not recipe.notches:
-        return recipe.divisions
-    if isinstance(recipe, BoxMeshTable):
-        low, size = recipe.origin, recipe.size
-    else:
-        low = (0.0, -0.5 * recipe.width, -0.5 * recipe.height)
-        size = (recipe.length, recipe.width, recipe.height)
-    counts = [
-        _graded(low[k], size[k], recipe.divisions[k], "xyz"[k], recipe.notches) for k in range(3)
-    ]
-    return counts[0], counts[1], counts[2]
-
-
-def _graded(
-    low: float, length: float, divisions: int, axis: str, notches: tuple[NotchRecipeTable, ...]
-) -> int:
-    """Steps of an axis that gets finer towards the notches."""
-    size = length / divisions
-    fine = {low: size, low + length: size}
-    for notch in notches:
-        step = min(size, notch.width / notch.cells)
-        places = []
-        if notch.axis == axis:
-            places = [notch.position - 0.5 * notch.width, notch.position + 0.5 * notch.width]
-        elif notch.side[1] == axis:
-            places = [low + length - notch.depth if notch.side[0] == "+" else low + notch.depth]
-        for place in places:
-            fine[place] = min(step, fine.get(place, size))
-    total = 0
-    for start, end in pairwise(sorted(fine)):
-        # sizes grow from both ends until they meet, or are that of the whole
-        first, last = fine[start], fine[end]
-        top = min(size, 0.5 * (first + last + _GROWTH * (end - start)))
-        grown = log(top / first) + log(top / last)
-        flat = (end - start) - (2.0 * top - first - last) / _GROWTH
-        total += max(1, ceil(grown / _GROWTH + max(0.0, flat) / top - 1e-9))
-    return total
+def _divisions(recipe: BoxMeshTable | BeamMeshTable) -> list[int]:
+    """Along x, y and z; more where elements get finer towards the borders of notches, by a quarter
+    of the distance from there."""
+    counts, sizes = list(recipe.divisions), element_sizes(recipe)
+    borders = {
+        (side, place): one
+        for one in recipe.notches
+        for side, place in ((one.axis, one.position), (one.side, one.depth))
+    }
+    for (side, _), notch in borders.items():
+        k = "xyz".index(side[-1])
+        ratio = max(sizes[k] * notch.cells / notch.width, 1.0)
+        counts[k] += round(8.0 * (log(ratio) - 1.0 + 1.0 / ratio))
+        counts[k] += notch.cells if side == notch.axis else 0
+    return counts
 
 
 def extent(recipe: MeshRecipe) -> Vec3 | None:

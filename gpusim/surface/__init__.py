@@ -16,13 +16,12 @@ In the order in which data passes:
 - `skin`: The skin of a finite-element mesh as a surface: boundary faces, cut into flat pieces.
 """
 
-from gpusim.surface import paint
-from gpusim.surface.frames import Atlas, CylinderFrame
-from gpusim.surface.skin import Skin
-from gpusim.surface.surface import PaintFrame, Surface
+from gpusim.public_names import public_names as _public_names
+from gpusim.surface import paint as paint
+from gpusim.surface.frames import Atlas as Atlas
+from gpusim.surface.frames import CylinderFrame as CylinderFrame
+from gpusim.surface.skin import Skin as Skin
+from gpusim.surface.surface import PaintFrame as PaintFrame
+from gpusim.surface.surface import Surface as Surface
 
-__all__ = ["Atlas", "CylinderFrame", "PaintFrame", "Skin", "Surface", "paint"]
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__all__, __getattr__, __dir__ = _public_names(__name__, {__name__: "paint"})

@@ -44,7 +44,7 @@ def test_a_mesh_too_large_for_the_machine(
     text = scene_path.read_text(encoding="utf-8")
     scene_path.write_text(text.replace("[12, 2, 1]", "[3000, 1000, 100]"), encoding="utf-8")
     wait_for(viewer, "a fault")
-    assert "mesh: needs about 60.7 GB of memory" in viewer.fault
+    assert "mesh: needs about 60.6 GB of memory" in viewer.fault
 
 
 @pytest.mark.parametrize("of_a_file", [False, True])

@@ -69,7 +69,7 @@ def check_lamp_count(scene: Scene, surfaces: Sequence[Surface], cameras: Sequenc
 
 def scene_warnings(scene: Scene, made: Counts | None = None) -> list[str]:
     """What is known before any work of ``scene``, or of its variants; builds meshes and surfaces.
-    ``made`` gets the sizes of the meshes that are of files.
+    ``made`` gets the sizes of the meshes.
 
     A scene that the free memory can't hold gives that. Raises InputError for what a run would end
     with before it solves: a measure that can't work, a place where a body has nothing.

@@ -110,8 +110,8 @@ class Execution:
                 self._close()
 
     def _count_meshes(self) -> None:
-        """Plan again with the meshes of files that were made: only now is it known how large they
-        are. Raises InputError where the memory doesn't hold what they need."""
+        """Plan again with the meshes that were made: only now is it known how large they are.
+        Raises InputError where the memory doesn't hold what they need."""
         values = self.session.values.values()  # painted bodies are those of another stage
         if made := counts_of(one for one in values if type(one) is MeshedBody):
             self.plan = plan_of(self.scene, self.decision, self.speed, made)

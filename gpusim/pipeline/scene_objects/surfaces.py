@@ -152,11 +152,8 @@ def mesh_body(body: m.Body, read: Reader = read_input, grid: Mesh | None = None)
 
 
 def counts_of(bodies: Iterable[MeshedBody]) -> Counts:
-    """How large the meshes are that were made of files."""
-    return {
-        one.body.mesh: (one.mesh.node_count, one.mesh.cell_count)
-        for one in bodies if isinstance(one.body.mesh, m.FileMeshTable | m.FieldMeshTable)
-    }  # fmt: skip
+    """How large their meshes are."""
+    return {one.body.mesh: (one.mesh.node_count, one.mesh.cell_count) for one in bodies}
 
 
 def paint_body(body: m.Body, meshed: MeshedBody, read: Reader = read_input) -> BodyParts:

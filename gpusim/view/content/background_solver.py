@@ -28,7 +28,7 @@ _CHILD = (
 
 
 class BackgroundSolver:
-    """The solution of a scene in the making; ``made``: how large its meshes of files are.
+    """The solution of a scene in the making; ``made``: how large its meshes are.
 
     ``progress``: 0 to 1, and words. ``done``: with files below ``folder`` as a run writes them.
     ``fault``: what ended it otherwise.

@@ -55,23 +55,24 @@ def faults_of(mesh: dict[str, Any], folder: Path = Path(), **body: Any) -> str:
 
 @pytest.mark.parametrize("cells", CELLS)
 @pytest.mark.parametrize("mesh", BUILDERS, ids=lambda mesh: mesh["builder"])
-def test_builders_make_the_cells_that_the_plan_counts(mesh: dict[str, Any], cells: str) -> None:
+def test_builders_make_about_the_cells_that_the_plan_guesses(
+    mesh: dict[str, Any], cells: str
+) -> None:
     scene = scene_of({**mesh, "cells": cells})
-    grid = build_mesh(scene.bodies[0].mesh)
+    recipe = scene.bodies[0].mesh
+    grid = build_mesh(recipe)
     assert list(grid.cells) == [cells]
-    nodes, elements = element_counts(scene.bodies[0].mesh)
-    assert elements == grid.cell_count
-    if (mesh["builder"], cells) == ("crane", "wedge15"):
-        # its layers lie across the width, the wedges' cuts on the faces below and above
-        assert nodes == pytest.approx(grid.node_count, rel=0.04)
-        return
-    assert nodes == grid.node_count
+    nodes, elements = element_counts(recipe)
+    assert elements == pytest.approx(grid.cell_count, rel=0.03)
+    assert 0.55 * grid.node_count <= nodes <= 1.1 * grid.node_count  # most of these are borders
     assert len(boundary_faces(grid)) == len(
         np.unique(np.concatenate(list(grid.face_sets.values())), axis=0)
     ) or mesh["builder"] in ("crane", "bracket")
+    assert mesh_words(recipe) == f"about {elements:,} elements"
     words = f"{grid.node_count:,} nodes, {grid.cell_count:,} elements"
-    assert make_plan(scene, fresh=True)["mesh"].detail in ("", words)
-    assert mesh_words(scene.bodies[0].mesh) == words
+    made = {recipe: (grid.node_count, grid.cell_count)}
+    assert make_plan(scene, fresh=True, made=made)["mesh"].detail in ("", words)
+    assert mesh_words(recipe, made) == words
 
 
 NOTCHES = [
@@ -94,8 +95,8 @@ def test_notches_of_a_beam() -> None:
     volume = np.einsum("fi,fi->", faces.centroids, faces.area_vectors) / 3.0
     assert volume == pytest.approx(0.004 * (0.8 * 0.04 - 3 * 0.001 * 0.01333), rel=1e-9)
     nodes, elements = element_counts(scene.bodies[0].mesh)
-    assert parts.mesh.cell_count <= elements <= 1.03 * parts.mesh.cell_count
-    assert parts.mesh.node_count <= nodes <= 1.03 * parts.mesh.node_count
+    assert nodes == pytest.approx(parts.mesh.node_count, rel=0.15)
+    assert elements == pytest.approx(parts.mesh.cell_count, rel=0.1)
     # a notch is part of the mesh: moving one makes everything anew
     moved = scene.replace("body.part.notch.0.position_mm", 210.0)
     assert make_plan(moved)["mesh"].key != make_plan(scene)["mesh"].key
