@@ -39,7 +39,7 @@ def shared(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
 def ahead(work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
     """The same, at most a few beyond the one taken."""
     threads = processors()
-    if threads == 1:
+    if threads == 1 or len(items) == 1:
         yield from map(work, items)
         return
     waiting = [_pool().submit(work, item) for item in items[:threads]]

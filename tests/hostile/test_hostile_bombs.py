@@ -15,12 +15,12 @@ import gpusim as gs
 from gpusim.errors import GpusimError
 from gpusim.files.picture_file import pages_of, read_grey
 from gpusim.scene import load_scene
-from tests.hostile.bombs import BOMBS, SECRET, Make
+from tests.hostile.bombs import BOMB, BOMBS, SECRET, Make
 from tests.hostile.tiny_runs import LIMIT, files
 
 pytestmark = pytest.mark.hostile
 
-MOST = 2500  # MB: a file that unpacks to a gigabyte, twice
+MOST = 2.5 * BOMB  # bytes: what it unpacks to, twice
 
 
 def _field(path: Path) -> list[Any]:
@@ -55,6 +55,6 @@ def test_bombs(name: str, how: str, make: Make, tmp_path: Path) -> None:
     else:
         assert not any(np.any(np.asarray(one) == SECRET) for one in found)
     assert time.monotonic() - began < LIMIT
-    grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory) / 1024
-    assert grown < MOST, f"{grown:.0f} MB"
+    grown = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory)
+    assert grown < MOST, f"{grown / 1e6:.0f} MB"
     assert files(tmp_path) == before

@@ -168,15 +168,15 @@ def test_limits(what: str, limits: tuple[float, ...], first: Path, tmp_path: Pat
     ("changes", "backend", "code"),
     [
         ({"VK_DRIVER_FILES": "/nonexistent", "VK_ICD_FILENAMES": "/nonexistent"}, "gpu", 4),
-        ({"VK_DRIVER_FILES": "/nonexistent", "VK_ICD_FILENAMES": "/nonexistent"}, "numpy", 0),
-        ({"HOME": "/nonexistent", "XDG_CACHE_HOME": "/proc/nonexistent"}, "numpy", 0),
-        ({"HOME": "", "XDG_CACHE_HOME": "", "XDG_CONFIG_HOME": ""}, "numpy", 0),
-        ({"TMPDIR": "/nonexistent"}, "numpy", 0),
-        ({"LC_ALL": "C", "PYTHONUTF8": "0", "TERM": "dumb", "COLUMNS": "1"}, "numpy", 0),
-        ({"PYTHONOPTIMIZE": "2", "PYTHONDONTWRITEBYTECODE": "1"}, "numpy", 0),
+        ({"VK_DRIVER_FILES": "/nonexistent", "VK_ICD_FILENAMES": "/nonexistent",
+          "TMPDIR": "/nonexistent"}, "numpy", 0),
+        ({"HOME": "/nonexistent", "XDG_CACHE_HOME": "/proc/nonexistent",
+          "PYTHONOPTIMIZE": "2", "PYTHONDONTWRITEBYTECODE": "1"}, "numpy", 0),
+        ({"HOME": "", "XDG_CACHE_HOME": "", "XDG_CONFIG_HOME": "",
+          "LC_ALL": "C", "PYTHONUTF8": "0", "TERM": "dumb", "COLUMNS": "1"}, "numpy", 0),
     ],
     ids=lambda one: "-".join(one) if isinstance(one, dict) else str(one),
-)
+)  # fmt: skip
 def test_surroundings(
     changes: dict[str, str], backend: str, code: int, first: Path, tmp_path: Path
 ) -> None:

@@ -35,15 +35,22 @@ def until_imported(process: subprocess.Popen[bytes], log: Path) -> None:
         time.sleep(0.01)
 
 
-@pytest.mark.parametrize("which", CODES)
-def test_signals(which: signal.Signals, tmp_path: Path) -> None:
-    scene = write_scene(tmp_path)
-    log = tmp_path / "log"
-    first = Begun(log, "run", scene, "-o", tmp_path / "first", "--backend", "numpy")
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, float]:
+    """A folder with the scene and ``first``, what it gives; and how long that took."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    scene = write_scene(folder)
     began = time.monotonic()
+    first = Begun(folder / "log", "run", scene, "-o", folder / "first", "--backend", "numpy")
     assert first.end() == 0, first.said
-    whole = time.monotonic() - began
-    expected = results(tmp_path / "first")
+    return folder, time.monotonic() - began
+
+
+@pytest.mark.parametrize("which", CODES)
+def test_signals(which: signal.Signals, undisturbed: tuple[Path, float], tmp_path: Path) -> None:
+    folder, whole = undisturbed
+    scene, log = folder / "bar.toml", tmp_path / "log"
+    expected = results(folder / "first")
     chance = random.Random(f"{SEED} {which.name}")
     for number in range(share(15)):
         told = f"SEED={SEED}, {which.name} {number}"
@@ -66,7 +73,7 @@ def test_signals(which: signal.Signals, tmp_path: Path) -> None:
         last = Begun(log, *words)
         assert wrong(last.end(), last.said, (0,)) == "", told
         assert results(tmp_path / str(number)) == expected, told
-        assert stored(tmp_path / str(number)) == stored(tmp_path / "first"), told
+        assert stored(tmp_path / str(number)) == stored(folder / "first"), told
 
 
 def test_a_reader_that_is_gone(tmp_path: Path) -> None:
