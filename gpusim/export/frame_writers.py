@@ -1,12 +1,12 @@
 """What writes the frames of each kind of file: FFV1 and previews, Photron's .mraw, pictures.
 
 A writer is made for its first frame, whose size and type all others share. It writes to a temporary
-name, which the stack that it is given renames or removes; ``stored`` reads a frame of it back.
+name, which the stack that it is given renames, or removes after an error.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -17,34 +17,26 @@ import numpy as np
 
 from gpusim.errors import require
 from gpusim.export.images import write_image
-from gpusim.files.atomic_files import atomic_path, atomic_stream, write_text
+from gpusim.files.atomic_files import atomic_path, atomic_stream
 from gpusim.files.frame_source import SUFFIXES
 from gpusim.files.output_folder import inside
-from gpusim.files.picture_file import read_stored
 from gpusim.files.recording import Image
-from gpusim.files.video_container import RATE_TAG, START_TAG, read_container
+from gpusim.files.video_container import RATE_TAG, START_TAG
 
 SLOWED = 25  # frames a second at which a video is played whose own rate its container can't hold
 
 
 class Writer(Protocol):
-    """Of one kind of file."""
+    """Of one kind of file, which `read_video` finds at ``place``."""
 
-    lossless: bool
     place: Path
-    """What `read_video` reads."""
+    lossless: bool
 
     def write(self, image: Image) -> None:
         """Add a frame."""
 
-    def finish(self) -> None:
-        """All frames are written."""
-
-    def stored(self) -> Callable[[int], Image]:
-        """What reads frame k back, before the file has its name."""
-
-    def sign(self, times: Sequence[float]) -> None:
-        """The file has its name: write what belongs beside it."""
+    def finish(self, times: Sequence[float]) -> None:
+        """All frames are written, which were taken at these times, s."""
 
 
 @dataclass(frozen=True)
@@ -72,13 +64,13 @@ class Codec:
     fastest: float
     formats: Mapping[str, str]
     container_options: Mapping[str, str] = field(default_factory=dict)
-    preview: bool = True
+    lossless: bool = False
     sides: int = 1
 
 
 FFV1 = Codec("matroska", "ffv1", {"level": "3", "slicecrc": "1", "g": "1"}, 500.0,
-             {"rgb24": "bgr0"}, preview=False)  # fmt: skip
-"""Key frames alone; a checksum finds damage. Matroska's clock has 1 ms."""
+             {"rgb24": "bgr0"}, lossless=True)  # fmt: skip
+"""Key frames alone, with checksums. Matroska's clock has 1 ms."""
 MP4 = Codec("mp4", "libx264", {"crf": "18", "preset": "veryfast"}, 60.0,
             {"gray": "yuv420p", "rgb24": "yuv420p"},
             {"movflags": "faststart+use_metadata_tags"}, sides=2)  # fmt: skip
@@ -94,21 +86,19 @@ class ContainerWriter:
         import av
 
         self.codec, self.take, self.place, self.count = codec, take, path, 0
-        self.lossless = not codec.preview
-        self.part = stack.enter_context(atomic_path(path))
-        options = dict(codec.container_options)
-        self.container: Any = av.open(str(self.part), "w", codec.container, options)
+        self.lossless = codec.lossless
+        part, options = stack.enter_context(atomic_path(path)), dict(codec.container_options)
+        self.container: Any = av.open(str(part), "w", codec.container, options)
         stack.callback(self.container.close)
         self.container.metadata.update({RATE_TAG: repr(take.rate), START_TAG: repr(take.time)})
         played = take.rate if take.rate <= codec.fastest else SLOWED
-        rate = Fraction(played).limit_denominator(10_000)
-        options = dict(codec.options)
+        rate, options = Fraction(played).limit_denominator(10_000), dict(codec.options)
         stream: Any = self.container.add_stream(codec.name, rate=rate, options=options)
         image = self._prepared(take.image)
         self.format = _FORMATS[image.ndim, image.itemsize]
         stream.height, stream.width = image.shape[:2]
         stream.pix_fmt = codec.formats.get(self.format, self.format)
-        if self.lossless:  # slices are independent; H.264 has threads of its own
+        if codec is FFV1:  # its slices are independent; H.264 has threads of its own
             stream.codec_context.thread_type = "SLICE"
         self.stream = stream
 
@@ -120,19 +110,12 @@ class ContainerWriter:
         frame.pts, self.count = self.count, self.count + 1
         self.container.mux(self.stream.encode(frame))
 
-    def finish(self) -> None:
+    def finish(self, times: Sequence[float]) -> None:
         self.container.mux(self.stream.encode())
-        self.container.close()
-
-    def stored(self) -> Callable[[int], Image]:
-        return read_container(self.part).frame
-
-    def sign(self, times: Sequence[float]) -> None:
-        """A video holds all."""
 
     def _prepared(self, image: Image) -> Image:
         """As it is stored; of previews the upper 8 bits, with edges repeated."""
-        if not self.codec.preview:
+        if self.lossless:
             return np.ascontiguousarray(image)
         if image.itemsize > 1:
             image = (image >> max(self.take.bits - 8, 0)).astype(np.uint8)
@@ -142,50 +125,36 @@ class ContainerWriter:
 
 
 class PhotronWriter:
-    """A .mraw, and the .cih that says what is in it."""
+    """A .cih, and the .mraw of which it tells."""
 
     lossless = True
 
     def __init__(self, path: Path, take: Take, stack: ExitStack) -> None:
         self.place, self.take = path, take
-        self.stream = stack.enter_context(atomic_stream(path.with_suffix(".mraw")))
+        self.header = stack.enter_context(atomic_stream(path))
+        self.frames = stack.enter_context(atomic_stream(path.with_suffix(".mraw")))
 
     def write(self, image: Image) -> None:
-        self.stream.write(image.astype(image.dtype.newbyteorder("<"), copy=False).tobytes())
+        self.frames.write(image.astype(image.dtype.newbyteorder("<"), copy=False).tobytes())
 
-    def finish(self) -> None:
-        self.stream.flush()
-
-    def stored(self) -> Callable[[int], Image]:
-        first, name = self.take.image, self.stream.name
-        kind = first.dtype.newbyteorder("<")
-
-        def frame(number: int) -> Image:
-            pixels = np.fromfile(name, kind, first.size, offset=number * first.nbytes)
-            return pixels.reshape(first.shape)
-
-        return frame
-
-    def sign(self, times: Sequence[float]) -> None:
-        image, count = self.take.image, len(times)
-        color = image.ndim == 3
+    def finish(self, times: Sequence[float]) -> None:
+        height, width, *channels = self.take.image.shape
         entries = {
-            "Record Rate(fps)": f"{self.take.rate:.17g}",
-            "Total Frame": count,
-            "Original Total Frame": count,
+            "Record Rate(fps)": repr(self.take.rate),
+            "Total Frame": len(times),
+            "Original Total Frame": len(times),
             "Start Frame": round(self.take.time * self.take.rate),
             "Save Step": 1,
-            "Image Width": image.shape[1],
-            "Image Height": image.shape[0],
-            "Color Type": "Color" if color else "Mono",
-            "Color Bit": image.itemsize * 8 * (3 if color else 1),
+            "Image Width": width,
+            "Image Height": height,
+            "Color Type": "Color" if channels else "Mono",
+            "Color Bit": 8 * self.take.image.itemsize * (3 if channels else 1),
             "File Format": "MRaw",
             "EffectiveBit Depth": self.take.bits,
             "EffectiveBit Side": "Lower",
-            "Comment Text": "",
         }
         lines = ["#Camera Information Header", *(f"{key} : {entries[key]}" for key in entries)]
-        write_text(self.place, "\n".join(lines) + "\n")
+        self.header.write(("\n".join(lines) + "\n").encode())
 
 
 class PictureWriter:
@@ -195,25 +164,15 @@ class PictureWriter:
 
     def __init__(self, path: Path, take: Take, stack: ExitStack) -> None:
         self.place, self.suffix, self.count = path.parent, path.suffix, 0
-        require(
-            path.stem == "*", f"video: {path}", path.name, f"*{path.suffix}, as in frames/*.png"
-        )
+        where = f"video: {path}"
+        require(path.stem == "*", where, path.name, f"*{path.suffix}, as in frames/*.png")
         there = [one.name for one in self.place.glob("*.*") if one.suffix.lower() in SUFFIXES]
         got = f"pictures in the folder: {sorted(there)[:1]}"
-        require(not there, f"video: {path}", got, "a new or empty one")
+        require(not there, where, got, "a new or empty one")
 
     def write(self, image: Image) -> None:
-        write_image(self._file(self.count), image)
+        write_image(inside(self.place, f"{self.count:06d}{self.suffix}"), image)
         self.count += 1
 
-    def finish(self) -> None:
-        """Pictures are whole as they are written."""
-
-    def stored(self) -> Callable[[int], Image]:
-        return lambda number: read_stored(self._file(number))
-
-    def sign(self, times: Sequence[float]) -> None:
-        """Pictures hold all."""
-
-    def _file(self, number: int) -> Path:
-        return inside(self.place, f"{number:06d}{self.suffix}")
+    def finish(self, times: Sequence[float]) -> None:
+        """Each is written already."""

@@ -9,6 +9,7 @@ import hashlib
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from functools import partial
+from itertools import zip_longest
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self
@@ -28,7 +29,7 @@ from gpusim.export.frame_writers import (
     Writer,
 )  # fmt: skip
 from gpusim.files.atomic_files import PathLike
-from gpusim.files.frame_source import FrameSource
+from gpusim.files.frame_source import FrameSource, read_video
 from gpusim.files.recording import Image, write_times
 from gpusim.validation import Finite, Positive, checked, real_numbers, unmasked
 
@@ -69,8 +70,7 @@ class VideoSink:
         hold (above 500 Hz in .mkv, 60 in .mp4, 50 in .gif), and says the true one in its metadata.
     bits : that the numbers have, if fewer than their type: 8, 10, 12, 14 or 16.
     line_time : s from one row's exposure to the next's, of a rolling shutter; for the table.
-    verify : read all frames back before the file gets its name, and compare them bit for bit;
-        previews aren't.
+    verify : read the file back when it is closed and compare all frames bit for bit; not previews.
 
     Examples
     --------
@@ -121,17 +121,17 @@ class VideoSink:
             self._hashes.append(_hash(image))
 
     def close(self) -> None:
-        """Raises InputError without a frame, GpusimError for one that isn't stored as it was."""
+        """Raises InputError without a frame, GpusimError if one doesn't come back as it was."""
         with self._stack:
             if self._writer is None:
                 raise InputError(f"video: {self.path}: got no frame; expected at least one")
-            self._writer.finish()
-            stored = self._writer.stored() if self._hashes else None
-            for number, given in enumerate(self._hashes):
-                if stored is None or _hash(stored(number)) != given:
-                    raise GpusimError(f"video: {self.path}: frame {number} isn't as it was given")
-        self._writer.sign(self._times)
+            self._writer.finish(self._times)
         write_times(self._writer.place, self._times, self.line_time)
+        if self._hashes:
+            stored = map(_hash, read_video(self._writer.place))
+            for number, (back, given) in enumerate(zip_longest(stored, self._hashes)):
+                if back != given:
+                    raise GpusimError(f"video: {self.path}: frame {number} isn't as it was given")
 
     def __enter__(self) -> Self:
         return self
@@ -148,10 +148,8 @@ class VideoSink:
             self._stack.__exit__(kind, error, trace)
 
     def _begun(self, image: Image, time: float) -> Writer:
-        known = (
-            image.dtype in (np.uint8, np.uint16) and image.ndim in (2, 3) and 0 not in image.shape
-        )
-        known = known and image.shape[2:] in ((), (3,))
+        picture = image.ndim == 2 or image.shape[2:] == (3,)
+        known = picture and image.size > 0 and image.dtype in (np.uint8, np.uint16)
         got = f"shape {image.shape}, {image.dtype}"
         require(known, f"video: {self.path}", got, "(H, W) or (H, W, 3), uint8 or uint16")
         self._take = Take(image, time, self.frame_rate, self.bits or 8 * image.itemsize)
@@ -203,14 +201,13 @@ def write_video(
     """
     if times is None and isinstance(frames, FrameSource) and np.isfinite(frames.times).all():
         times = frames.times
-    taken = None
-    if times is not None:
-        taken = real_numbers(times, "write_video times")
-        frame_rate = frame_rate or 1.0 / float(np.diff(taken).mean() if len(taken) > 1 else 1.0)
+    taken = None if times is None else real_numbers(times, "write_video times")
+    if taken is not None and frame_rate is None:
+        frame_rate = 1.0 / float(np.diff(taken).mean()) if len(taken) > 1 else 1.0
     if frame_rate is None:
         raise InputError("write_video: got neither; expected `times` or `frame_rate`")
+    number = 0
     with VideoSink(path, frame_rate, bits=bits, line_time=line_time, verify=verify) as sink:
-        number = 0
         for number, image in enumerate(frames, start=1):
             if taken is None:
                 sink.append(np.asarray(image), (number - 1) / frame_rate)

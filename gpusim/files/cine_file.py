@@ -99,9 +99,8 @@ def _recording(path: Path, stream: BinaryIO) -> Recording:
     if bits == 10:
         notes.append(f"{path}: its 10 bits are codes of a curve, not proportional to light")
     clock, guess = _clock(stream, settings, table, there), ""
-    if clock is not None:
-        times = (clock - np.uint64(trigger)).view(np.int64) / _SECOND
-    else:
+    times = (clock - np.uint64(trigger)).view(np.int64) / _SECOND
+    if len(times) < there or not (np.diff(times) > 0).all():
         (rate,) = _numbers(stream, settings + _FRAME_RATE, "I")
         require(rate > 0, where, "neither times nor a frame rate", "one of them")
         times = (first + np.arange(there)) / rate
@@ -109,20 +108,20 @@ def _recording(path: Path, stream: BinaryIO) -> Recording:
     return Recording(frames.__getitem__, times, guess, tuple(notes))
 
 
-def _clock(stream: BinaryIO, settings: int, end: int, count: int) -> npt.NDArray[np.uint64] | None:
-    """When each frame was taken, in 2^-32 s; None if it doesn't stand in the file."""
+def _clock(stream: BinaryIO, settings: int, end: int, count: int) -> npt.NDArray[np.uint64]:
+    """When each frame was taken, in 2^-32 s, if it stands in the file."""
     (length,) = _numbers(stream, settings + _LENGTH, "H")
     at = settings + length
     for _ in range(_MOST_BLOCKS):
         if not at < end:
-            return None
+            break
         size, tag = _numbers(stream, at, "IH")
         if tag == _TIMES:
             stream.seek(at + 8)
             data = stream.read(8 * count)
-            return np.frombuffer(data, "<u8") if len(data) == 8 * count else None
+            return np.frombuffer(data[: len(data) // 8 * 8], "<u8")
         at += max(size, 8)
-    return None
+    return np.empty(0, np.uint64)
 
 
 def _numbers(stream: BinaryIO, at: int, form: str) -> tuple[Any, ...]:

@@ -22,7 +22,7 @@ from gpusim.errors import InputError
 from gpusim.files.cine_file import read_cine
 from gpusim.files.input_file import open_input
 from gpusim.files.photron_file import PHOTRON, read_photron
-from gpusim.files.picture_file import pages_of, picture_file, read_stored
+from gpusim.files.picture_file import pages_of, picture_file, read_grey, read_stored
 from gpusim.files.picture_tags import TIFF_MAGIC
 from gpusim.files.recording import Image, Recording, read_times
 from gpusim.files.video_container import CONTAINERS, read_container
@@ -218,6 +218,17 @@ def read_video(path: str | os.PathLike[str]) -> FrameSource:
         return video
     require(1 <= page <= count, f"video: {file}", f"frame {page}", f"1 to {count}")
     return video[page - 1 : page]
+
+
+def read_still(path: str | os.PathLike[str]) -> Image:
+    """One picture in grey: that of a file, or a page or frame of it by name, as ``film.mkv#3``."""
+    file, page = picture_file(path)
+    if file.suffix.lower() not in VIDEOS:
+        return read_grey(path)
+    frames = read_frames(path)
+    named = f"one: name it, as {file.name}#1 (1 to {len(frames)})"
+    require(page is not None or len(frames) == 1, f"video: {file}", f"{len(frames)} frames", named)
+    return frames[0]
 
 
 def picture_paths(

@@ -1,16 +1,17 @@
 """Photron's recordings: a header, .cih or .cihx, and beside it a .mraw of all frames, or pictures.
 
-What a header names is looked for beside it under its own name, so that it can't lead elsewhere:
+What belongs to a header lies beside it and has its name, so that it can't lead elsewhere:
 ``film.mraw``, or ``film000001.png`` and so on.
 """
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 from xml.etree import ElementTree
 
 import numpy as np
@@ -23,156 +24,129 @@ from gpusim.files.recording import Image, Recording
 
 PHOTRON = (".cih", ".cihx", ".mraw")
 _MOST = 1 << 20  # bytes of a header
-_TIFF, _JPEG = (".tif", ".tiff"), (".jpg", ".jpeg")
-_PICTURES = {"png": (".png",), "tif": _TIFF, "tiff": _TIFF, "bmp": (".bmp",), "jpeg": _JPEG}
-_KEYS = {
-    "width": ("Image Width", "imageDataInfo/resolution/width"),
-    "height": ("Image Height", "imageDataInfo/resolution/height"),
-    "frames": ("Total Frame", "frameInfo/totalFrame"),
-    "start": ("Start Frame", "frameInfo/startFrame"),
-    "step": ("Save Step", "frameInfo/skipFrame"),
-    "rate": ("Record Rate(fps)", "recordInfo/recordRate"),
-    "pixel_bits": ("Color Bit", "imageDataInfo/colorInfo/bit"),
-    "depth": ("EffectiveBit Depth", "imageDataInfo/effectiveBit/depth"),
-    "side": ("EffectiveBit Side", "imageDataInfo/effectiveBit/side"),
-    "color": ("Color Type", "imageDataInfo/colorInfo/type"),
-    "kind": ("File Format", "imageFileInfo/fileFormat"),
+_PLACES = {
+    "Image Width": "imageDataInfo/resolution/width",
+    "Image Height": "imageDataInfo/resolution/height",
+    "Total Frame": "frameInfo/totalFrame",
+    "Start Frame": "frameInfo/startFrame",
+    "Save Step": "frameInfo/skipFrame",
+    "Record Rate(fps)": "recordInfo/recordRate",
+    "Color Type": "imageDataInfo/colorInfo/type",
+    "Color Bit": "imageDataInfo/colorInfo/bit",
+    "EffectiveBit Depth": "imageDataInfo/effectiveBit/depth",
+    "EffectiveBit Side": "imageDataInfo/effectiveBit/side",
+    "File Format": "imageFileInfo/fileFormat",
 }
-"""Of what is needed: its name in .cih, its place in .cihx."""
-_USUAL = {"start": "0", "step": "1", "side": "lower", "color": "mono", "depth": "0"}
+"""Entries of a .cih, and where a .cihx has them."""
+Number = TypeVar("Number", int, float)
+_PICTURES = {"png": (".png",), "tif": (".tif", ".tiff"), "tiff": (".tif", ".tiff")}
 
 
 @dataclass(frozen=True)
-class _Header:
-    """What a header says: ``pixel_bits`` of a pixel with all its channels, of which in each channel
-    ``depth`` are used, the higher or the lower ones."""
+class _Mraw:
+    """Frames one after the other, ``bits`` a channel, of which the lowest ``unused`` are empty."""
 
-    width: int
-    height: int
-    frames: int
-    start: int
-    step: int
-    rate: float
-    pixel_bits: int
-    depth: int
-    side: str
-    color: str
-    kind: str
+    path: Path
+    shape: tuple[int, ...]
+    bits: int
+    unused: int
 
     @property
-    def channels(self) -> int:
-        return 3 if self.color == "color" else 1
+    def size(self) -> int:
+        """Bytes of a frame."""
+        return packed_size(math.prod(self.shape), self.bits)
 
-    @property
-    def bits(self) -> int:
-        """Of a channel of a pixel."""
-        return self.pixel_bits // self.channels
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        size = self.height, self.width
-        return (*size, 3) if self.channels == 3 else size
+    def frame(self, number: int) -> Image:
+        data = np.fromfile(self.path, np.uint8, self.size, offset=number * self.size)
+        got, expected = f"{len(data)} bytes", f"{self.size}: the file was changed"
+        require(len(data) == self.size, f"video: {self.path}: frame {number + 1}", got, expected)
+        numbers = pixels_of(data, self.bits)[: math.prod(self.shape)]
+        return numbers.reshape(self.shape) >> self.unused
 
 
 def read_photron(path: Path) -> Recording:
     """The recording of a .cih, .cihx or .mraw. Raises InputError for what can't be true."""
     if path.suffix.lower() == ".mraw":
-        beside = [one for one in path.parent.iterdir() if one.stem == path.stem]
-        headers = [one for one in beside if one.suffix.lower() in PHOTRON[:2]]
-        require(len(headers) > 0, f"video: {path}", "no header beside it", "its .cih or .cihx")
-        path = headers[0]
-    header = _header(path)
-    if header.kind == "mraw":
-        data = path.with_suffix(".mraw")
-        size = packed_size(int(np.prod(header.shape)), header.bits)
-        with open_input(data, f"the frames of {path.name}") as stream:
-            there = stream.seek(0, 2) // size
-        read = partial(_frame, data, header, size)
+        headers = [path.with_suffix(suffix) for suffix in PHOTRON[:2]]
+        path = next((one for one in headers if one.is_file()), headers[0])
+    header = _Header(path)
+    height = header.number(int, "Image Height", 1, 65535)
+    width = header.number(int, "Image Width", 1, 65535)
+    got, expected = f"{width} x {height} px", f"at most {LARGEST / 1e6:.3g} million"
+    require(width * height <= LARGEST, f"video: {path}", got, expected)
+    count = header.number(int, "Total Frame", 1, 1 << 31)
+    start = header.number(int, "Start Frame", -(1 << 31), 1 << 31, 0)
+    step = header.number(int, "Save Step", 1, 1 << 31, 1)
+    rate = header.number(float, "Record Rate(fps)", 1e-6, 1e9)
+    channels = 3 if header.text("Color Type", "mono") == "color" else 1
+    bits, rest = divmod(header.number(int, "Color Bit", 8, 48), channels)
+    got, expected = f"{bits} bits of {channels} channels", "8, 10, 12 or 16"
+    require(not rest and bits in (*WHOLE, *PACKED), f"video: {path}", got, expected)
+    higher = header.text("EffectiveBit Side", "lower") == "higher"
+    unused = bits - header.number(int, "EffectiveBit Depth", 1, bits) if higher else 0
+    kind = header.text("File Format", "")
+    frame: Callable[[int], Image]
+    if kind == "mraw":
+        shape = (height, width, 3) if channels == 3 else (height, width)
+        mraw = _Mraw(path.with_suffix(".mraw"), shape, bits, unused)
+        with open_input(mraw.path, f"the frames of {path.name}") as stream:
+            there, frame = stream.seek(0, 2) // mraw.size, mraw.frame
     else:
-        files = _pictures(path, _PICTURES[header.kind])
-        there = len(files)
-        read = partial(_picture, files, header)
-    require(there > 0, f"video: {path}", f"no whole frame of {header.frames}", "at least one")
-    cut = f"{path}: is cut off: {there} frames of {header.frames}"
-    numbers = header.start + header.step * np.arange(min(there, header.frames))
-    return Recording(read, numbers / header.rate, notes=(cut,) * (there < header.frames))
+        require(kind in _PICTURES, f"video: {path}", f"frames as {kind!r}", "mraw, png or tiff")
+        files = _numbered(path, _PICTURES[kind])
+        there, frame = len(files), lambda number: read_stored(files[number]) >> unused
+    require(there > 0, f"video: {path}", f"no whole frame of {count}", "at least one")
+    notes = (f"{path}: is cut off: {there} frames of {count}",) if there < count else ()
+    times = (start + step * np.arange(min(there, count))) / rate
+    return Recording(frame, times, notes=notes)
 
 
-def _pictures(header: Path, suffixes: tuple[str, ...]) -> list[Path]:
-    """Pictures beside a header whose names are its own and a number."""
+def _numbered(header: Path, suffixes: tuple[str, ...]) -> list[Path]:
+    """The pictures beside a header that have its name and a number."""
     name = re.compile(re.escape(header.stem) + r"\D?\d+")
-    files = [one for one in header.parent.iterdir() if one.suffix.lower() in suffixes]
-    return sorted(one for one in files if name.fullmatch(one.stem))
+    beside = [one for one in header.parent.iterdir() if one.suffix.lower() in suffixes]
+    return sorted(one for one in beside if name.fullmatch(one.stem))
 
 
-def _header(path: Path) -> _Header:
-    """Read it, and refuse what no camera writes: no memory is asked for before."""
-    with open_input(path, "a header of Photron's") as stream:
-        data = stream.read(_MOST)
-    xml = path.suffix.lower() == ".cihx"
-    found = _from_xml(path, data) if xml else _from_lines(data)
-    entries = {name: found.get(name) or _USUAL.get(name) for name in _KEYS}
-    values: dict[str, Any] = {}
-    for name, text in entries.items():
-        key = _KEYS[name][xml]
-        require(text is not None, f"video: {path}", f"no {key}", "a header of Photron's")
-        if name in ("side", "color", "kind"):
-            values[name] = str(text).strip().lower()
-            continue
+class _Header:
+    """The entries of a header, by their names in .cih."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        with open_input(path, "a header of Photron's, .cih or .cihx") as stream:
+            data = stream.read(_MOST)
+        if path.suffix.lower() == ".cihx":
+            root = self._root(data)
+            self.entries = {name: root.findtext(place) for name, place in _PLACES.items()}
+        else:
+            lines = [line.partition(" : ") for line in data.decode("latin-1").splitlines()]
+            self.entries = {name.strip(): text for name, _, text in lines}
+
+    def _root(self, data: bytes) -> ElementTree.Element:
+        """The XML of a .cihx, which stands between other bytes."""
+        text = data[max(0, data.find(b"<cih>")) : data.rfind(b"</cih>") + len(b"</cih>")]
         try:
-            values[name] = float(str(text)) if name == "rate" else int(str(text))
+            if b"<!" in text:
+                raise ValueError("definitions of its own")
+            return ElementTree.fromstring(text.decode("utf-8", "replace"))
+        except (ElementTree.ParseError, ValueError) as error:
+            what = f"video: {self.path}; got {error}"
+            raise InputError(f"{what}; expected a header of Photron's") from None
+
+    def text(self, name: str, usual: str) -> str:
+        return (self.entries.get(name) or usual).strip().lower()
+
+    def number(
+        self, kind: type[Number], name: str, low: Number, high: Number, usual: Number | None = None
+    ) -> Number:
+        """An entry from ``low`` to ``high``, both included; ``usual`` if there is none."""
+        given = self.entries.get(name)
+        if not given and usual is not None:
+            return usual
+        where, expected = f"video: {self.path}: {name}", f"{low:g} to {high:g}"
+        try:
+            value = kind(given or "nothing")
         except ValueError:
-            raise InputError(f"video: {path}: {key}; got {text!r}; expected a number") from None
-    header = _Header(**values)
-    pixels = header.width * header.height
-    positive = min(header.width, header.height, header.frames, header.step) > 0
-    sane = positive and pixels <= LARGEST and header.frames < 1 << 31 and header.depth <= 16
-    size = f"{header.frames} frames of {header.width} x {header.height} px, every {header.step}."
-    where = f"video: {path}"
-    require(sane and abs(header.start) < 1 << 40, where, size, "a recording")
-    require(0.0 < header.rate < 1e9, where, f"{header.rate} frames a second", "a rate")
-    kinds = ("mraw", *_PICTURES)
-    require(header.kind in kinds, where, f"frames as {header.kind}", ", ".join(kinds))
-    bits = header.pixel_bits == header.bits * header.channels
-    bits &= header.bits in (*WHOLE, *PACKED)
-    got = f"{header.pixel_bits} bits of {header.channels} channels"
-    require(bits, where, got, "8, 10, 12 or 16 of each")
-    return header
-
-
-def _from_lines(data: bytes) -> dict[str, str]:
-    names = {key: name for name, (key, _) in _KEYS.items()}
-    lines = (line.split(" : ", 1) for line in data.decode("latin-1").splitlines())
-    return {names[line[0].strip()]: line[1] for line in lines
-            if len(line) == 2 and line[0].strip() in names}  # fmt: skip
-
-
-def _from_xml(path: Path, data: bytes) -> dict[str, str]:
-    """Of what stands between other bytes."""
-    text = data[max(0, data.find(b"<cih>")) : data.rfind(b"</cih>") + len(b"</cih>")]
-    try:
-        if b"<!" in text:
-            raise ValueError("definitions of its own")
-        root = ElementTree.fromstring(text.decode("utf-8", "replace"))
-    except (ElementTree.ParseError, ValueError) as error:
-        raise InputError(f"video: {path}; got {error}; expected a header of Photron's") from None
-    return {name: root.findtext(place) or "" for name, (_, place) in _KEYS.items()}
-
-
-def _frame(file: Path, header: _Header, size: int, number: int) -> Image:
-    data = np.fromfile(file, np.uint8, size, offset=number * size)
-    got, expected = f"{len(data)} bytes of frame {number + 1}", f"{size}: the file was changed"
-    require(len(data) == size, f"video: {file}", got, expected)
-    count = int(np.prod(header.shape))
-    return _aligned(pixels_of(data, header.bits)[:count].reshape(header.shape), header)
-
-
-def _picture(files: list[Path], header: _Header, number: int) -> Image:
-    return _aligned(read_stored(files[number]), header)
-
-
-def _aligned(image: Image, header: _Header) -> Image:
-    """The numbers that the sensor gave, where they were stored in the upper bits."""
-    if header.side == "higher" and image.dtype.itemsize == 2 and 0 < header.depth < header.bits:
-        return image >> (header.bits - header.depth)
-    return image
+            raise InputError(f"{where}; got {given!r}; expected {expected}") from None
+        require(low <= value <= high, where, given, expected)
+        return value

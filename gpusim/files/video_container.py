@@ -10,7 +10,6 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from fractions import Fraction
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -30,7 +29,7 @@ RATE_TAG = "FRAME_RATE_HZ"
 START_TAG = "START_TIME_S"
 _FORMATS = "avi,matroska,webm,mov,mp4,m4a,3gp,3g2,mj2"
 """No list of other files or addresses (HLS, concat) is followed, whatever a file's bytes say."""
-_CUT = 0.5  # frames
+_END = 1.5  # frames: what the last one may end before the file
 _FEW, _ONES = 10, 0xFFFFFFFF
 _MIRRORED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
@@ -48,8 +47,7 @@ class _Decoder:
         import av  # a fifteenth of a second
 
         self.path = path
-        most = min(LARGEST, memory_limit() // BYTES)
-        limits = {"max_pixels": str(most)}
+        limits = {"max_pixels": str(min(LARGEST, memory_limit() // BYTES))}
         with self._reading("can't be read as a video"):
             options = {"format_whitelist": _FORMATS, "protocol_whitelist": "file", **limits}
             self.container: Any = av.open(
@@ -60,10 +58,7 @@ class _Decoder:
         self.stream: Any = streams[0]
         codec = self.stream.codec_context
         require(codec is not None, f"video: {path}", "a codec that isn't known", "another one")
-        got = f"{codec.width} x {codec.height} pixels"
-        expected = f"at most {most / 1e6:.3g} million pixels"
-        require(codec.width * codec.height <= most, f"video: {path}: too large", got, expected)
-        codec.options = limits  # a stream may change its size
+        codec.options = limits
         codec.thread_type = "SLICE"  # frame threads would decode ahead of what is asked for
         self.lock = Lock()
         self.frames: Iterator[Any] = iter(())
@@ -86,15 +81,15 @@ class _Decoder:
 
     def _index(self) -> None:
         """Stamps of all frames, in the order in which they are shown, and which are key frames."""
-        rows, self.broken = [], ""
+        rows, self.broken = [], False
         sums = self.stream.codec_context.name == "ffv1"
         try:
             for packet in self.container.demux(self.stream):
                 if packet.size and not packet.is_discard and not packet.is_corrupt:
                     good = sums and checksums_agree(bytes(packet))
                     rows.append((packet.pts, packet.is_keyframe, good))
-        except Exception as error:  # what was read so far is whole
-            self.broken = type(error).__name__
+        except Exception:  # what was read so far is whole
+            self.broken = True
         require(len(rows) > 0, f"video: {self.path}", "no frame that is whole", "at least one")
         stamps, keys, good = zip(*rows, strict=True)
         self.stamped = None not in stamps and len(set(stamps)) == len(stamps)
@@ -105,30 +100,37 @@ class _Decoder:
 
     def recording(self) -> Recording:
         """Times as the file has them, and what is to be said of it."""
-        count, notes = len(self.stamps), []
-        rate: Fraction = self.stream.average_rate or Fraction(25)
-        due = self.stream.frames
-        if not due and self.container.duration:
-            due = round(self.container.duration / 1e6 * rate)
-        if count + _CUT < due or self.broken:
-            end = f" ({self.broken})" if self.broken else ""
-            notes.append(f"{self.path}: is damaged or cut off{end}: {count} frames of {due}")
+        count, notes, guess = len(self.stamps), [], ""
+        rate = float(self.stream.average_rate or 25)
+        unit = float(self.stream.time_base) if self.stamped else 1.0 / rate
+        times: Float = self.stamps.astype(np.float64) * unit
+        even = times[0] + np.arange(count) / rate
+        if (np.abs(times - even) <= unit).all():  # Matroska's stamps have whole milliseconds
+            times = even
+        if self.broken or times[-1] - times[0] + _END / rate < self._duration():
+            due = self.stream.frames or round(self._duration() * rate)
+            notes.append(f"{self.path}: is damaged or cut off: {count} frames of {due}")
         if self.damaged.any():
             few = ", ".join(map(str, 1 + np.flatnonzero(self.damaged)[:_FEW]))
             notes.append(f"{self.path}: {self.damaged.sum()} frames are damaged: {few}")
-        tags, guess = self.container.metadata, ""
-        times: Float  # s
+        tags = self.container.metadata
         if RATE_TAG in tags:
-            with self._reading(f"tag {RATE_TAG}"):
+            with self._reading(f"tags {RATE_TAG} and {START_TAG}"):
                 taken, start = float(tags[RATE_TAG]), float(tags.get(START_TAG, 0.0))
-                times = start + np.arange(count) / taken
-            require(bool(np.isfinite(times).all()), f"video: {self.path}", "no rate", "a number")
-        elif self.stamped and "avi" not in self.container.format.name:
-            times = self.stamps.astype(np.float64) * float(self.stream.time_base)
-        else:  # AVI has a rate alone
-            times = np.arange(count) / float(rate)
-            guess = f"{self.path}: times are guessed: {float(rate):.6g} frames a second"
+                if not (0.0 < taken < np.inf and np.isfinite(start)):
+                    raise ValueError(f"{taken} and {start}")
+            times = start + np.arange(count) / taken
+        elif not self.stamped or "avi" in self.container.format.name:
+            times -= times[0]
+            guess = f"{self.path}: times are guessed: {rate:.6g} frames a second"
         return Recording(self.frame, times, guess, tuple(notes))
+
+    def _duration(self) -> float:
+        """Of the pictures, s, as the file says; 0 if it doesn't, or of sound and pictures alike."""
+        if self.stream.duration:
+            return float(self.stream.duration * self.stream.time_base)
+        alone = len(self.container.streams) == 1
+        return (self.container.duration or 0) / 1e6 if alone else 0.0
 
     def frame(self, number: int) -> Image:
         """Frame ``number``, decoded. Raises InputError for one that is damaged."""

@@ -36,9 +36,10 @@ def test_frames_are_as_they_are_stored(
     assert not video.times_guessed
 
 
-def test_without_times_frames_are_counted_from_the_trigger(tmp_path: Path) -> None:
+@pytest.mark.parametrize("times", [None, TIMES[::-1]])
+def test_without_times_frames_are_counted_from_the_trigger(times: Any, tmp_path: Path) -> None:
     path = tmp_path / "shot.cine"
-    path.write_bytes(cine_bytes(GREY, rate=5000, first=-2))
+    path.write_bytes(cine_bytes(GREY, rate=5000, first=-2, times=times))
     video = gs.read_video(path)
     np.testing.assert_allclose(video.times, [-0.0004, -0.0002, 0, 0.0002], atol=1e-15)
     assert video.times_guessed.endswith("5000 frames a second")

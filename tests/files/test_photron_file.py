@@ -83,15 +83,15 @@ def test_of_a_cut_file_the_whole_frames_are_there(tmp_path: Path) -> None:
     ("change", "message"),
     [
         ({"Total_Frame": 10**9}, None),
-        ({"Total_Frame": 0}, "0 frames of 6 x 9 px"),
+        ({"Total_Frame": 0}, "Total Frame; got 0; expected 1 to"),
         ({"Image_Width": 65535, "Image_Height": 65535}, "65535 x 65535 px"),
         ({"Image_Width": 6000}, "no whole frame of 4"),
-        ({"Image_Height": "tall"}, "Image Height; got 'tall'; expected a number"),
-        ({"Image_Height": None}, "got no Image Height"),
-        ({"Record_Rate(fps)": "nan"}, "nan frames a second"),
+        ({"Image_Height": "tall"}, "Image Height; got 'tall'; expected 1 to 65535"),
+        ({"Image_Height": None}, "Image Height; got None"),
+        ({"Record_Rate(fps)": "nan"}, r"Record Rate\(fps\); got nan"),
         ({"Color_Bit": 14}, "14 bits of 1 channels"),
-        ({"File_Format": "AVI"}, "frames as avi"),
-        ({"Save_Step": -1}, "every -1"),
+        ({"File_Format": "AVI"}, "frames as 'avi'"),
+        ({"Save_Step": -1}, "Save Step; got -1"),
     ],
 )
 def test_headers_that_lie_are_refused(
@@ -105,7 +105,7 @@ def test_headers_that_lie_are_refused(
         gs.read_video(path)
 
 
-@pytest.mark.parametrize("text", ["<cih><a>", "<!DOCTYPE a><cih></cih>", "<cih><!-- --></cih>", ""])
+@pytest.mark.parametrize("text", ["<cih><a>", "<cih><!DOCTYPE a></cih>", ""])
 def test_an_xml_that_is_none_is_refused(text: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="a header of Photron's"):
         gs.read_video(recording(tmp_path, b"1234", text, ".cihx"))
@@ -114,5 +114,5 @@ def test_an_xml_that_is_none_is_refused(text: str, tmp_path: Path) -> None:
 def test_what_lacks_beside_it_is_named(tmp_path: Path) -> None:
     path = recording(tmp_path, b"", header())
     path.unlink()
-    with pytest.raises(InputError, match="no header beside it; expected its"):
+    with pytest.raises(InputError, match="not found; expected a header"):
         gs.read_video(tmp_path / "shot.mraw")

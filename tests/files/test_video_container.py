@@ -150,6 +150,23 @@ def test_times_are_those_of_the_camera_where_a_film_is_slowed(tmp_path: Path) ->
         assert container.streams.video[0].average_rate == 25
 
 
+def test_milliseconds_of_a_steady_film_are_no_jitter(tmp_path: Path) -> None:
+    path = tmp_path / "film.mkv"
+    for steady in (True, False):
+        with av.open(str(path), "w") as container:
+            stream: Any = container.add_stream("ffv1", rate=60)
+            stream.width, stream.height, stream.pix_fmt = 66, 57, "gray"
+            for number, wave in enumerate(WAVES):
+                frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(wave), format="gray")
+                frame.pts = number if steady else number * 2 - number % 2
+                container.mux(stream.encode(frame))
+            container.mux(stream.encode())
+        shown = np.arange(COUNT) if steady else 2 * np.arange(COUNT) - np.arange(COUNT) % 2
+        atol = 1e-12 if steady else 0.0006
+        np.testing.assert_allclose(gs.read_video(path).times, shown / 60, atol=atol)
+        assert gs.read_video(path).notes == ()
+
+
 def muxed(path: Path, codec: str, width: int, height: int, data: bytes) -> Path:
     """A container around three frames that say what they like."""
     with av.open(str(path), "w") as container:

@@ -30,8 +30,10 @@ def cine_bytes(
     first: int = -2,
     note: bytes = b"",
 ) -> bytes:
-    """A file of frames (H, W) or (H, W, 3); ``bits`` 10 and 12 are packed; ``times`` are s after the
-    trigger; ``note`` is what a camera writes before each frame."""
+    """A file of frames (H, W) or (H, W, 3); ``bits`` 10 and 12 are packed.
+
+    ``times`` are s after the trigger, ``note`` is what a camera writes before each frame.
+    """
     height, width = frames[0].shape[:2]
     color = frames[0].ndim == 3
     packing = {10: 256, 12: 1024}.get(bits, 0)
