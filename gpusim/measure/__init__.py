@@ -67,6 +67,7 @@ from gpusim.measure.targets.checker_markers import (
 from gpusim.measure.targets.coded_markers import Codes, find_aruco
 from gpusim.measure.targets.crossings import Crossings, fit_crossings
 from gpusim.measure.vibration.identification import identify_modes
+from gpusim.measure.vibration.magnification import magnify
 from gpusim.measure.vibration.operational_modes import OperationalModes, mac
 from gpusim.measure.vibration.point_series import PointSeries, point_series
 
@@ -126,6 +127,7 @@ __all__ = [
     "lens_mapping",
     "locate_markers",
     "mac",
+    "magnify",
     "mapped",
     "match_epipolar",
     "plane_mapping",
