@@ -71,6 +71,7 @@ if _typing.TYPE_CHECKING:
     from gpusim.errors import OutOfDeviceMemory as OutOfDeviceMemory
     from gpusim.errors import SceneError as SceneError
     from gpusim.errors import TwinMismatch as TwinMismatch
+    from gpusim.export.video import write_video as write_video
     from gpusim.fem import J2 as J2
     from gpusim.fem import Buckling as Buckling
     from gpusim.fem import Hencky as Hencky
@@ -97,6 +98,7 @@ if _typing.TYPE_CHECKING:
     from gpusim.field import read_field as read_field
     from gpusim.files.frame_source import FrameSource as FrameSource
     from gpusim.files.frame_source import read_frames as read_frames
+    from gpusim.files.frame_source import read_video as read_video
     from gpusim.gpu import Device as Device
     from gpusim.mesh import Mesh as Mesh
     from gpusim.mesh import mesh_cad as mesh_cad
@@ -145,13 +147,14 @@ _HOMES = {
         "DeviceError DeviceLost GpusimError InputError NoAdapter NotConverged "
         "OutOfDeviceMemory SceneError TwinMismatch"
     ),
+    "gpusim.export.video": "write_video",
     "gpusim.fem": (
         "Buckling Hencky History Isotropic J2 ModalDamping Model Modes NeoHookean Orthotropic "
         "Rayleigh Record SaintVenantKirchhoff Solution StructuralDamping buckling "
         "frequency_response harmonic modes random_response read_record transient"
     ),
     "gpusim.field": "Field read_field",
-    "gpusim.files.frame_source": "FrameSource read_frames",
+    "gpusim.files.frame_source": "FrameSource read_frames read_video",
     "gpusim.gpu": "Device",
     "gpusim.mesh": "Mesh mesh_cad read_mesh",
     "gpusim.optics": (

@@ -10,8 +10,8 @@ from typing import Any
 from gpusim._version import __version__
 from gpusim.applications.correlation import check_files, read_mask
 from gpusim.files.atomic_files import PathLike, write_text
+from gpusim.files.frame_source import read_still
 from gpusim.files.output_folder import claim, inside
-from gpusim.files.picture_file import read_grey
 from gpusim.measure import ImageNoise, advise
 from gpusim.report.advice import advice_page, advice_summary, draw_advice
 from gpusim.report.text import plain_data
@@ -54,9 +54,9 @@ def advise_files(
     'gpusim dic before.png DEF... -o OUT'
     """
     check_files(picture, *([] if still is None else [still]))
-    image = read_grey(picture)
+    image = read_still(picture)
     known = None if noise is None else ImageNoise(noise**2)
-    second = None if still is None else read_grey(still)
+    second = None if still is None else read_still(still)
     pixels = read_mask(mask, image.shape)
     advice = advise(image, still=second, roi=roi, mask=pixels, noise=known, **options)
     given = {"roi": roi and ",".join(map(str, roi)), "mask": mask} | advice.settings

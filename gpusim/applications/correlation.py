@@ -24,7 +24,7 @@ from gpusim.errors import InputError
 from gpusim.export.calibrated_cameras import cameras_in_file
 from gpusim.export.correlation import FORMATS
 from gpusim.files.atomic_files import PathLike
-from gpusim.files.frame_source import Frames, FrameSource, read_frames
+from gpusim.files.frame_source import Frames, FrameSource, read_frames, read_still
 from gpusim.files.output_folder import claim
 from gpusim.files.picture_file import picture_file, read_grey
 from gpusim.gpu import working_device
@@ -95,7 +95,7 @@ def correlate_files(
         if isinstance(reference, np.ndarray):
             first, name = check_image(reference, "reference"), "reference"
         else:
-            first, name = read_grey(reference), str(reference)
+            first, name = read_still(reference), str(reference)
         lens = None
         if settings.calibration is not None:
             (lens,) = _cameras(settings, settings.calibration, [first.shape], "calibration")

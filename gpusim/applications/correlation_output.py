@@ -164,6 +164,7 @@ class ResultWriter:
     def finished(self, warnings: Sequence[str] = ()) -> CorrelationOutput:
         """All of it, with report.json and report.html of all results."""
         rows, settings, folder = self.rows, self.settings, self.folder
+        warnings = [*warnings, *(note for each in self.pictures.values() for note in each.notes)]
         report = {"schema": _SCHEMA, "version": __version__, "settings": settings, "images": rows,
                   "warnings": list(warnings)}  # fmt: skip
         tables = [path for path in self.files if path.suffix != ".png"]

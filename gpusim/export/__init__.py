@@ -4,6 +4,8 @@ Its modules:
 
 - `images`: Images as PNG and TIFF, without loss.
 - `radiance`: Linear radiance as OpenEXR and float TIFF.
+- `frame_writers`: What writes the frames of each kind of video file.
+- `video`: Video out: frames go to a sink one by one.
 - `meshes`: Surfaces as STL, solids and results as VTU.
 - `layers`: The truth layers: what each one holds, and how it is stored.
 - `truth`: truth.h5: the exact fields behind every pixel.
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
     from gpusim.export.radiance import write_radiance as write_radiance
     from gpusim.export.truth import FrameWriter as FrameWriter
     from gpusim.export.truth import TruthWriter as TruthWriter
+    from gpusim.export.video import VideoSink as VideoSink
     from gpusim.files.atomic_files import atomic_path as atomic_path
     from gpusim.files.atomic_files import atomic_stream as atomic_stream
     from gpusim.files.atomic_files import clean_leftovers as clean_leftovers
@@ -40,6 +43,7 @@ _HOMES = {
     "export.meshes": ("write_pvd", "write_region_stls", "write_stl", "write_vtu"),
     "export.radiance": ("write_radiance",),
     "export.truth": ("FrameWriter", "TruthWriter"),
+    "export.video": ("VideoSink",),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 __all__ = sorted(_HOME_OF)

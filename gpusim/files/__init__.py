@@ -7,7 +7,12 @@ In the order in which data passes:
 - `silence`: Silence of decoders in C, which print past Python what is wrong with a file.
 - `radiance_file`: Radiance pictures: the radiances, whatever was done to the numbers.
 - `picture_file`: Pictures in files, decoded by one function, as they are stored or as grey images.
-- `frame_source`: Pictures of one camera as a sequence: a folder, files, pages of a TIFF, arrays.
+- `recording`: The frames of a file, read when they are asked for, and when each was taken.
+- `packed_pixels`: Pixels of 10 and 12 bits, of which cameras store several in a few bytes.
+- `video_container`: Videos in containers: AVI, Matroska, MP4 and MOV.
+- `photron_file`: Photron's recordings: .cih or .cihx with .mraw or pictures.
+- `cine_file`: Vision Research's recordings: .cine.
+- `frame_source`: Pictures of one camera as a sequence: a folder, files, stacks, videos, arrays.
 - `hdf5_file`: HDF5 files: read whole, as arrays and attributes, and written to full disks.
 - `output_folder`: The output folder: what may be written and deleted in it, and who is writing.
 - `atomic_files`: Files that are either whole or absent.

@@ -287,10 +287,14 @@ def pages_of(path: PathLike) -> list[Path]:
 
 
 def read_grey(source: PathLike | InputFile) -> npt.NDArray[Any]:
-    """Read any picture as (H, W) grey, at the bit depth that it has.
+    """As `read_stored`, in grey: of colour the luminance is taken (`gpusim.arrays.grey`)."""
+    return np.ascontiguousarray(grey_of(read_stored(source)))
 
-    Of colour the luminance is taken (`gpusim.arrays.grey`), transparency is dropped. Of a TIFF with
-    several pages, ``file.tif#3`` is the third.
+
+def read_stored(source: PathLike | InputFile) -> npt.NDArray[Any]:
+    """Read any picture as (H, W) grey or (H, W, 3) in colour, at the bit depth that it has.
+
+    Transparency is dropped. Of a TIFF with several pages, ``file.tif#3`` is the third.
 
     Raises
     ------
@@ -307,8 +311,8 @@ def read_grey(source: PathLike | InputFile) -> npt.NDArray[Any]:
     where, named = f"image file: {file}", f"one: name it, as {file.name}#1 (1 to {count})"
     require(page is not None or count <= 1, where, f"{count} pages", named)
     require(page is None or 1 <= page <= count, where, f"page {page}", f"1 to {count}")
-    image = grey_of(read_picture(data, 0 if page is None else page - 1))
-    fits = image.ndim == 2 and image.dtype.kind in "uif"
+    image = read_picture(data, 0 if page is None else page - 1)
+    fits = image.dtype.kind in "uif" and (image.ndim == 2 or image.shape[2:] == (3,))
     require(fits, where, f"shape {image.shape}, {image.dtype}", "grey or colour")
     return np.ascontiguousarray(image)
 

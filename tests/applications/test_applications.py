@@ -79,6 +79,19 @@ def test_arrays_are_correlated_with_their_times(tmp_path: Path) -> None:
     assert stages[-1][:2] == ("dic", 1.0)
 
 
+def test_a_video_is_correlated_as_its_pictures_are(tmp_path: Path) -> None:
+    path = gs.write_video(tmp_path / "film.mkv", pictures(), times=[0.0, 0.25, 1.0])
+    path.write_bytes(path.read_bytes()[:-20_000])  # into the last frame
+    done = correlate_files(f"{path}#1", path, tmp_path / "out", SETTINGS)
+    for number, result in enumerate(done.results):
+        error = result.displacement[result.ok] - number * np.array([2.0, -1.025])
+        assert result.ok.sum() > 60 and np.abs(error).max() < 0.02
+    assert [row.get("time_s") for row in done.report["images"]] == [0.0, 0.25]
+    assert "2 frames of 3" in done.report["warnings"][0]
+    with pytest.raises(InputError, match=r"2 frames; expected one: name it, as film\.mkv#1"):
+        correlate_files(path, path, tmp_path / "out", SETTINGS)
+
+
 def test_a_long_series_keeps_no_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     results: list[weakref.ref[Any]] = []
     most = 0
@@ -216,5 +229,8 @@ def test_cameras_are_calibrated_from_arrays(tmp_path: Path) -> None:
     assert set(done.files) == written(tmp_path / "out") and done.missed == []
     again = calibrate_files(frames, board, tmp_path / "again", lens="pinhole")
     assert again.calibration.rms == pytest.approx(done.calibration.rms, rel=1e-6)
+    film = gs.write_video(tmp_path / "boards.cih", list(frames), frame_rate=2.0)
+    filmed = calibrate_files(film, board, tmp_path / "filmed", lens="pinhole")
+    assert filmed.calibration.rms == pytest.approx(done.calibration.rms, rel=1e-6)
     with pytest.raises(InputError, match="`formats`; got 'excel'"):
         calibrate_files([list(frames)], board, tmp_path / "out", formats=["excel"])

@@ -135,7 +135,7 @@ def test_a_series_takes_no_more_memory_than_a_few_pictures(
 
     for number in range(12):
         gs.export.write_image(tmp_path / f"{number:02d}.png", np.zeros((47, 61), np.uint8))
-    monkeypatch.setattr(frame_source, "read_grey", read)
+    monkeypatch.setattr(frame_source, "read_stored", read)
     frames = read_frames(tmp_path)
     results = dic_sequence(frames[0], frames[1:], points=[[30, 23]], backend="numpy")
     assert abs(results[-1].displacement[0, 0] - 0.55) < 0.01

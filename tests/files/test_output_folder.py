@@ -105,6 +105,7 @@ ALLOWED = {
     "export/images.py": "into the temporary name that atomic_path gives",
     "files/hdf5_file.py": "into the temporary name that atomic_path gives",
     "export/correlation.py": "into the streams and temporary names of files/atomic_files.py",
+    "export/frame_writers.py": "into the temporary name that atomic_path gives",
     "graph/log.py": "lines, appended to a log of its own",
     "graph/store.py": "whole files, under a temporary name; deletes what nobody needs",
     "graph/folder.py": "links and copies, under a temporary name",
@@ -123,6 +124,7 @@ HANDLES = {
     "applications/decks.py",
     "pipeline/stages/mechanics.py",
     "export/correlation.py",
+    "export/frame_writers.py",
     "view/content/background_solver.py",
 }
 """Of those, the ones that may call only what writes into an open stream."""

@@ -57,3 +57,5 @@ def write_example_files(folder: Path) -> None:
         pictures[f"board-{number}"] = exposed(board, camera)
     for name, image in pictures.items():
         gs.export.write_image(folder / f"{name}.png", image)
+    film = (np.full((57, 33), number, np.uint16) for number in range(5))
+    gs.write_video(folder / "film.mkv", film, frame_rate=2000.0)

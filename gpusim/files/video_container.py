@@ -1,0 +1,194 @@
+"""Videos in containers: AVI, Matroska, MP4 and MOV, read by FFmpeg's libraries.
+
+The packets of a file are gone through once, without decoding them: that gives the number of
+frames, their times and where decoding may begin (key frames). A frame is decoded when it is asked
+for: one after the other goes on where the decoder stands, any other begins at its key frame.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from fractions import Fraction
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+import numpy as np
+
+from gpusim.arrays.array_types import Float
+from gpusim.errors import InputError, require
+from gpusim.files.input_file import open_input
+from gpusim.files.picture_file import BYTES, LARGEST
+from gpusim.files.recording import Image, Recording
+from gpusim.parallel.machine import memory_limit
+
+CONTAINERS = (".avi", ".mkv", ".mp4", ".mov", ".m4v", ".webm")
+RATE_TAG = "FRAME_RATE_HZ"
+"""In the metadata: the rate at which frames were taken, where the file is played slower."""
+START_TAG = "START_TIME_S"
+_FORMATS = "avi,matroska,webm,mov,mp4,m4a,3gp,3g2,mj2"
+"""No list of other files or addresses (HLS, concat) is followed, whatever a file's bytes say."""
+_CUT = 0.5  # frames
+_FEW, _ONES = 10, 0xFFFFFFFF
+_MIRRORED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
+
+
+def read_container(path: Path) -> Recording:
+    """The recording in a container. Raises InputError for no video, a damaged or too large one."""
+    open_input(path, "a video").close()  # no pipe, no folder
+    return _Decoder(path).recording()
+
+
+class _Decoder:
+    """A file that is open, and where its decoder stands."""
+
+    def __init__(self, path: Path) -> None:
+        import av  # a fifteenth of a second
+
+        self.path = path
+        most = min(LARGEST, memory_limit() // BYTES)
+        limits = {"max_pixels": str(most)}
+        with self._reading("can't be read as a video"):
+            options = {"format_whitelist": _FORMATS, "protocol_whitelist": "file", **limits}
+            self.container: Any = av.open(
+                f"file:{path}", options=options, metadata_errors="replace"
+            )
+        streams = self.container.streams.video
+        require(len(streams) > 0, f"video: {path}", "no pictures", "a video")
+        self.stream: Any = streams[0]
+        codec = self.stream.codec_context
+        require(codec is not None, f"video: {path}", "a codec that isn't known", "another one")
+        got = f"{codec.width} x {codec.height} pixels"
+        expected = f"at most {most / 1e6:.3g} million pixels"
+        require(codec.width * codec.height <= most, f"video: {path}: too large", got, expected)
+        codec.options = limits  # a stream may change its size
+        codec.thread_type = "SLICE"  # frame threads would decode ahead of what is asked for
+        self.lock = Lock()
+        self.frames: Iterator[Any] = iter(())
+        self.next = -1  # number of the frame that `frames` gives next; -1: none
+        self._index()
+
+    @contextmanager
+    def _reading(self, problem: str) -> Iterator[None]:
+        """What goes wrong meanwhile is the file's fault."""
+        try:
+            yield
+        except InputError:
+            raise
+        except Exception as error:
+            reason = " ".join(str(getattr(error, "strerror", "") or error).split())[:200]
+            raise InputError(
+                f"video: {self.path}: {problem}; got {type(error).__name__}: {reason}; expected a "
+                "file that isn't damaged"
+            ) from None
+
+    def _index(self) -> None:
+        """Stamps of all frames, in the order in which they are shown, and which are key frames."""
+        rows, self.broken = [], ""
+        sums = self.stream.codec_context.name == "ffv1"
+        try:
+            for packet in self.container.demux(self.stream):
+                if packet.size and not packet.is_discard and not packet.is_corrupt:
+                    good = sums and checksums_agree(bytes(packet))
+                    rows.append((packet.pts, packet.is_keyframe, good))
+        except Exception as error:  # what was read so far is whole
+            self.broken = type(error).__name__
+        require(len(rows) > 0, f"video: {self.path}", "no frame that is whole", "at least one")
+        stamps, keys, good = zip(*rows, strict=True)
+        self.stamped = None not in stamps and len(set(stamps)) == len(stamps)
+        order = np.argsort(stamps) if self.stamped else np.arange(len(stamps))
+        self.stamps = np.array(stamps if self.stamped else order, np.int64)[order]
+        self.keys = np.flatnonzero(np.array(keys)[order])
+        self.damaged = ~np.array(good)[order] & any(good)  # where none agrees, there are none
+
+    def recording(self) -> Recording:
+        """Times as the file has them, and what is to be said of it."""
+        count, notes = len(self.stamps), []
+        rate: Fraction = self.stream.average_rate or Fraction(25)
+        due = self.stream.frames
+        if not due and self.container.duration:
+            due = round(self.container.duration / 1e6 * rate)
+        if count + _CUT < due or self.broken:
+            end = f" ({self.broken})" if self.broken else ""
+            notes.append(f"{self.path}: is damaged or cut off{end}: {count} frames of {due}")
+        if self.damaged.any():
+            few = ", ".join(map(str, 1 + np.flatnonzero(self.damaged)[:_FEW]))
+            notes.append(f"{self.path}: {self.damaged.sum()} frames are damaged: {few}")
+        tags, guess = self.container.metadata, ""
+        times: Float  # s
+        if RATE_TAG in tags:
+            with self._reading(f"tag {RATE_TAG}"):
+                taken, start = float(tags[RATE_TAG]), float(tags.get(START_TAG, 0.0))
+                times = start + np.arange(count) / taken
+            require(bool(np.isfinite(times).all()), f"video: {self.path}", "no rate", "a number")
+        elif self.stamped and "avi" not in self.container.format.name:
+            times = self.stamps.astype(np.float64) * float(self.stream.time_base)
+        else:  # AVI has a rate alone
+            times = np.arange(count) / float(rate)
+            guess = f"{self.path}: times are guessed: {float(rate):.6g} frames a second"
+        return Recording(self.frame, times, guess, tuple(notes))
+
+    def frame(self, number: int) -> Image:
+        """Frame ``number``, decoded. Raises InputError for one that is damaged."""
+        with self.lock, self._reading(f"frame {number + 1}: damaged"):
+            if self.damaged[number]:
+                raise ValueError("another checksum")
+            before = int(np.searchsorted(self.keys, number, "right")) - 1
+            key = int(self.keys[max(0, before)])
+            if not 0 <= self.next <= number or (self.stamped and key > self.next):
+                self._begin(key)
+            try:
+                return _image(self._decoded(number))
+            except BaseException:
+                self.next = -1
+                raise
+
+    def _begin(self, key: int) -> None:
+        """Have `frames` begin at a key frame; without stamps, where the file begins."""
+        at = int(self.stamps[key]) if self.stamped else 0
+        self.container.seek(at, stream=self.stream)
+        self.frames, self.next = self.container.decode(self.stream), 0
+
+    def _decoded(self, number: int) -> Any:
+        for frame in self.frames:
+            if self.stamped:
+                self.next = int(np.searchsorted(self.stamps, frame.pts or 0))
+            self.next += 1
+            if self.next > number:
+                break
+        else:
+            raise EOFError("no such frame")
+        if self.next > number + 1 or frame.is_corrupt:
+            raise ValueError("what can't be decoded")
+        return frame
+
+
+def checksums_agree(packet: bytes) -> bool:
+    """Whether all slices of an FFV1 frame are as they were written, if they have checksums.
+
+    A slice ends with its length (3 bytes), a status and what makes the CRC-32 of all of it 0 (RFC
+    9043, 4.9), which zlib counts from the other end of each byte. FFmpeg shows other pixels where
+    it doesn't agree, and says nothing.
+    """
+    end = len(packet)
+    while end > 0:
+        start = end - 8 - int.from_bytes(packet[max(0, end - 8) : max(0, end - 5)], "big")
+        if start < 0 or zlib.crc32(packet[start:end].translate(_MIRRORED), _ONES) != _ONES:
+            return False
+        end = start
+    return True
+
+
+def _image(frame: Any) -> Image:
+    """Grey and RGB as they are stored, whatever their bits; anything else as RGB."""
+    name = frame.format.name
+    deep = max(part.bits for part in frame.format.components) > 8
+    if name.startswith(("gray", "gbrp")) and "f" not in name[4:]:
+        image = frame.to_ndarray()
+    elif name.startswith(("ya", "mono")):
+        image = frame.to_ndarray(format="gray16le" if deep else "gray")
+    else:
+        image = frame.to_ndarray(format="rgb48le" if deep else "rgb24")
+    return np.ascontiguousarray(image)
