@@ -79,6 +79,7 @@ from gpusim.measure.targets.coded_markers import find_aruco as find_aruco
 from gpusim.measure.targets.crossings import Crossings as Crossings
 from gpusim.measure.targets.crossings import fit_crossings as fit_crossings
 from gpusim.measure.vibration.identification import identify_modes as identify_modes
+from gpusim.measure.vibration.magnification import magnify as magnify
 from gpusim.measure.vibration.operational_modes import OperationalModes as OperationalModes
 from gpusim.measure.vibration.operational_modes import mac as mac
 from gpusim.measure.vibration.point_series import PointSeries as PointSeries

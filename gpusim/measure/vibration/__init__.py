@@ -11,4 +11,6 @@ In the order in which data passes:
 - `frequency_domain_decomposition`: Modes from singular values of cross spectra.
 - `subspace_identification`: Modes from covariances over time.
 - `identification`: Frequencies, damping and shapes of modes, from displacements of points.
+- `steerable_pyramid`: Complex steerable pyramid in the frequency domain.
+- `magnification`: Motion magnification by phase.
 """

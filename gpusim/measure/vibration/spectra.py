@@ -29,8 +29,8 @@ class CrossSpectra:
 def cross_spectra(responses: Float, rate_Hz: float, segment: int, blocks: int) -> CrossSpectra:
     """Of ``responses`` (T, r), by segments of some samples under Hann windows that overlap by half;
     the segments in ``blocks`` parts."""
-    window = scipy.signal.get_window("hann", segment)
-    window = (window / np.linalg.norm(window)).astype(np.float64)
+    window: Float = 1.0 - np.cos(2 * np.pi / segment * np.arange(segment))
+    window /= np.sqrt(np.square(window).sum())
     starts = np.arange(0, len(responses) - segment + 1, segment // 2)
     count = min(blocks, len(starts))
     channels = responses.shape[1]

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from gpusim.scene.tables.table import SeveralNames, Table, tables_of
 
-from .analysis.analysis_table import ANALYSIS_TYPES
+from .analysis.analysis_type import ANALYSIS_TYPES
 from .camera import CameraTable
 
 VideoFormat = Literal["ffv1", "mraw", "tiff", "png", "mp4"]

@@ -1,0 +1,227 @@
+"""Motion magnification by phase (Wadhwa, Rubinstein, Durand, Freeman 2013).
+
+Each band of a complex steerable pyramid has a phase that follows the motion. Its changes at some
+temporal frequencies are taken out by a filter without delay, smoothed over the neighbourhood in
+proportion to the band's power, so that noise where there is no texture doesn't count, and put back
+several times as large: more than several times, by the share of a motion that isn't in phases.
+Pictures are worked on in parts of the time and, where they are large, of the picture, so that
+memory doesn't grow with either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+import scipy
+
+from gpusim.arrays.array_types import Float, Long, Single
+from gpusim.errors import InputError
+from gpusim.files.frame_source import Frames, FrameSource, read_frames
+from gpusim.measure.images import Image, check_image
+from gpusim.measure.vibration.sampling import sampling_rate
+from gpusim.measure.vibration.steerable_pyramid import Spectrum, steerable_pyramid
+from gpusim.validation import checked, require
+
+LOWEST = 1.0 / 64.0  # cycles a pixel of the lowest ring
+RINGS, DIRECTIONS = 1, 8  # an octave; in half a turn
+MARGIN = 32  # px around a part of a picture
+SMOOTHING = 2.0  # samples of a band, standard deviation
+TRANSITION = 0.5  # width in which the filter rises, over the low end of the band
+LEAK_DB = 40.0  # of what isn't to be magnified, over what it was
+MEMORY = 1 << 30  # bytes at once, about
+PIXEL_BYTES = 36  # at once, for each picture of a part
+LEAST_PICTURES = 24  # that come out of a part
+
+
+@checked
+def magnify(
+    frames: Frames | FrameSource,
+    band_Hz: tuple[float, float],
+    factor: float,
+    *,
+    rate_Hz: float | None = None,
+) -> Iterator[Image]:
+    """Pictures in which motions of some frequencies are ``factor`` times as large.
+
+    A motion can be shown at up to about a quarter of the wavelength of the pattern's details (see
+    the documentation for measured errors); what moves further is blurred, not misplaced.
+
+    Parameters
+    ----------
+    frames : pictures, as `read_frames` takes them, at even times; read about twice each.
+    band_Hz : lowest and highest frequency that is magnified in full; the filter fades to
+        half the lowest, and as far above the highest. It has no delay. Within its length (about
+        six periods of the lowest frequency) of both ends of the film it knows one side alone.
+    factor : of the motion; 0 takes it out.
+    rate_Hz : pictures a second, if ``frames`` have no times.
+
+    Yields
+    ------
+    (H, W) grey pictures of the frames' type.
+
+    Raises
+    ------
+    InputError
+        Times that aren't known or even, a band beyond half the rate, pictures of several sizes.
+
+    Examples
+    --------
+    >>> still = gs.read_frames(np.full((70, 60, 80), 90, np.uint8))
+    >>> pictures = list(gs.measure.magnify(still, (10, 40), 20, rate_Hz=200))
+    >>> len(pictures), pictures[0].dtype, np.unique(pictures)
+    (70, dtype('uint8'), array([90], dtype=uint8))
+    """
+    source = frames if isinstance(frames, FrameSource) else read_frames(frames)
+    rate = sampling_rate(source.times) if rate_Hz is None else rate_Hz
+    low, high = band_Hz
+    require(
+        0 < low < high < 0.5 * rate, "band_Hz", band_Hz, f"0 < low < high < {0.5 * rate:.6g} Hz"
+    )
+    require(bool(np.isfinite(factor)), "factor", factor, "a finite number")
+    taps = band_pass(low, high, rate, LEAK_DB + 20 * np.log10(max(abs(factor), 1.0)))
+    expected = f"more than {len(taps) // 2}, half the filter of {low:.6g} Hz at {rate:.6g} Hz"
+    require(len(source) > len(taps) // 2, "frames", len(source), expected)
+    return _magnified(source, taps, factor - 1.0)
+
+
+def band_pass(low: float, high: float, rate_Hz: float, stop_dB: float) -> Float:
+    """Symmetric filter (n,), n odd, that passes a band in full, and nothing that is constant."""
+    width = TRANSITION * low
+    count, beta = scipy.signal.kaiserord(stop_dB, width / (0.5 * rate_Hz))
+    top = min(high + 0.5 * width, 0.5 * (high + 0.5 * rate_Hz))
+    taps = scipy.signal.firwin(
+        count | 1, [low - 0.5 * width, top], window=("kaiser", beta), pass_zero=False, fs=rate_Hz
+    )
+    return np.asarray(taps - taps.mean())
+
+
+def _magnified(source: FrameSource, taps: Float, gain: float) -> Iterator[Image]:
+    """The pictures, part of the time after part of the time."""
+    first = check_image(source[0], source.names[0])
+    reach = len(taps) // 2
+    parts, count = _parts(first.shape, len(taps))
+    kept: dict[int, Image] = {}
+    for start in range(0, len(source), count):
+        times = np.arange(start, min(start + count, len(source)))
+        needed = range(max(start - reach, 0), min(int(times[-1]) + reach + 1, len(source)))
+        kept = {k: kept[k] if k in kept else _alike(source, k, first) for k in needed}
+        stack = np.array([kept[k] for k in needed])
+        weights = _weights(taps, times, needed, len(source))
+        result = np.empty((len(times), *first.shape), dtype=first.dtype)
+        for part in parts:
+            shown = part.magnified(stack, times - needed.start, weights, gain)
+            result[:, part.inner[0], part.inner[1]] = _as(shown, first.dtype)
+        yield from result
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Part of a picture: pixels that are worked on, and those of them that are shown.
+
+    rows, columns : indices in the picture, mirrored beyond its border.
+    inner : slices of the picture that the part shows; ``MARGIN`` px inside the former.
+    """
+
+    rows: Long
+    columns: Long
+    inner: tuple[slice, slice]
+
+    def magnified(self, stack: Image, at: Long, weights: Single, gain: float) -> Single:
+        """Those of the pictures ``stack`` (T, H, W) that are ``at`` (N,), changed: (N, h, w).
+        ``weights`` (N, T) filter a history (T,) at these times."""
+        pixels = stack[:, self.rows[:, None], self.columns].astype(np.float32)
+        spectrum = scipy.fft.fft2(pixels)
+        pyramid = steerable_pyramid(pixels.shape[1:], LOWEST, RINGS, DIRECTIONS)
+        total = spectrum[at] * pyramid.rest
+        for band in pyramid.bands:
+            turned = _turned(band.response(spectrum), at, weights, gain / band.phase_share)
+            band.add(turned, total)
+        height, width = (one.stop - one.start for one in self.inner)
+        shown = scipy.fft.ifft2(total, overwrite_x=True).real
+        return np.asarray(shown[:, MARGIN : MARGIN + height, MARGIN : MARGIN + width])
+
+
+def _turned(response: Spectrum, at: Long, weights: Single, gain: float) -> Spectrum:
+    """Samples of a band (T, h, w), with their filtered phases ``gain`` times more: (N, h, w)."""
+    steps = np.angle(response[1:] * response[:-1].conj())
+    phase = np.concatenate([np.zeros_like(steps[:1]), np.cumsum(steps, axis=0)])
+    change = (weights @ phase.reshape(len(phase), -1)).reshape(len(at), *phase.shape[1:])
+    result = response[at]
+    size = np.square(result.real) + np.square(result.imag)
+    for one, weight in zip(change, size, strict=True):
+        blurred, norm = (
+            cv2.GaussianBlur(values, (0, 0), SMOOTHING) for values in (one * weight, weight)
+        )
+        one[...] = blurred / np.maximum(norm, np.float32(1e-30))
+    change *= np.float32(gain)
+    turn = np.empty_like(result)
+    for one, angle in zip(turn, change, strict=True):
+        one.real, one.imag = np.cos(angle), np.sin(angle)
+    return np.asarray(result * turn)
+
+
+def _weights(taps: Float, times: Long, needed: range, total: int) -> Single:
+    """(N, T): the filter at some ``times`` as weights of the pictures ``needed``. Beyond both ends
+    of the film, of ``total`` pictures, a history goes on point-reflected."""
+    reach = len(taps) // 2
+    weights = np.zeros((len(times), len(needed)))
+    for row, time in enumerate(times):
+        for offset, tap in zip(range(-reach, reach + 1), taps, strict=True):
+            place = int(time) + offset
+            end = min(max(place, 0), total - 1)
+            if place != end:
+                weights[row, end - needed.start] += 2 * tap
+                place, tap = 2 * end - place, -tap
+            weights[row, place - needed.start] += tap
+    return weights.astype(np.float32)
+
+
+def _parts(shape: tuple[int, ...], taps: int) -> tuple[list[_Part], int]:
+    """Parts of pictures, and how many pictures are worked out at once, within ``MEMORY``."""
+    count = max(LEAST_PICTURES, 2 * taps)
+    most = MEMORY / (PIXEL_BYTES * (count + taps))
+    splits = [1, 1]
+    while True:
+        sides = [-(-size // split) for size, split in zip(shape, splits, strict=True)]
+        longer = int(sides[1] > sides[0])
+        if np.prod([side + 2 * MARGIN for side in sides]) <= most or sides[longer] <= 2 * MARGIN:
+            break
+        splits[longer] += 1
+    spans = [
+        [_span(start, min(start + side, size), size) for start in range(0, size, side)]
+        for side, size in zip(sides, shape, strict=True)
+    ]
+    parts = [
+        _Part(rows, columns, (tall, wide)) for rows, tall in spans[0] for columns, wide in spans[1]
+    ]
+    return parts, count
+
+
+def _span(start: int, stop: int, size: int) -> tuple[Long, slice]:
+    """Indices of a stretch of an axis with its margins, and the stretch."""
+    length = (stop - start + 2 * MARGIN) | 1
+    while scipy.fft.next_fast_len(length) != length:
+        length += 2
+    mirrored = np.pad(np.arange(size), (MARGIN, length), mode="reflect")
+    return mirrored[start : start + length], slice(start, stop)
+
+
+def _alike(source: FrameSource, number: int, first: Image) -> Image:
+    """A picture of the size of the first."""
+    picture = check_image(source[number], source.names[number])
+    if picture.shape != first.shape:
+        name = source.names[number]
+        raise InputError(f"{name}: got shape {picture.shape}; expected {first.shape} as before")
+    return picture
+
+
+def _as(shown: Single, dtype: np.dtype[Any]) -> Image:
+    """Grey values in the type of the film."""
+    if dtype.kind == "f":
+        return shown.astype(dtype)
+    limits = np.iinfo(dtype)
+    return np.clip(np.rint(shown), limits.min, limits.max).astype(dtype)
