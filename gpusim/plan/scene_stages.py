@@ -186,6 +186,7 @@ def _films(build: StageBuilder) -> Iterator[Stage]:
     if video is None:
         return
     rate = analysis.frame_rate or video.frame_rate
+    assert rate is not None  # of the scene's faults
     times = [number / rate for number in range(len(build.frames))]
     for camera in filming(video, build.scene.cameras):
         sections = ["video", f"camera.{camera}", "sensor"]

@@ -56,10 +56,9 @@ SECTIONS = {
 
 @dataclass(frozen=True)
 class Scene:
-    """A validated scene. All values are SI; ``content`` is the resolved file (JSON) behind them.
+    """A validated scene. All values are SI; ``content`` is the resolved file (JSON) behind them,
+    ``files`` those that it needs, and those which they name: (absolute path, SHA-256).
 
-    ``files`` are the files that it needs, and those which they name: (absolute path, SHA-256 of the
-    content).
     Two scenes are equal if they say the same; where they were read from doesn't matter.
 
     Examples
@@ -178,14 +177,13 @@ class Scene:
         the mouse; a still picture where there is no notebook, or the extra ``[notebook]`` is
         missing.
 
-        ``camera``: the one that is looked through; by default one that the bodies just fill.
-        ``size``: width and height, px, at most.
+        ``camera``: looked through; by default one that bodies just fill. ``size``: px, at most.
         """
         return notebook_view(self, camera, size)
 
     def surfaces(self, frame: int | None = None) -> list[Any]:
         """Bodies and props in a frame (None: unloaded), deformed and painted, as `gs.render` takes
-        them. Meshes and solution are made once. Raises InputError, and what a run raises.
+        them, made once. Raises InputError, and what a run raises.
 
         Examples
         --------
@@ -331,9 +329,8 @@ def load_scene(
     """Read, validate and resolve a TOML scene file.
 
     ``overrides`` maps dotted key paths to values ("solver.tolerance": 1e-9) and wins over the
-    file. Raises SceneError that lists every fault: unreadable file, TOML syntax (with line),
-    unknown or missing keys, wrong types and ranges, names and references that don't fit; or that
-    says that the file is too large or too deeply nested for a scene.
+    file. Raises SceneError with every fault: an unreadable, too large or too deeply nested file,
+    TOML syntax, unknown or missing keys, wrong types and ranges, references that don't fit.
 
     Examples
     --------

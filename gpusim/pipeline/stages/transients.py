@@ -133,7 +133,8 @@ def _kinks(kinks: Float, instants: Float, around: float) -> Float:
     corner there, and its rate is known on one side at a time."""
     number = np.searchsorted(instants, kinks).clip(1, len(instants) - 1)
     near = kinks[np.diff(instants)[number - 1] <= around * (1.0 + 1e-9)]
-    return np.clip(np.append(near, near - CORNER * around), *instants[[0, -1]])
+    corners: Float = np.append(near, near - CORNER * around)
+    return corners.clip(instants[0], instants[-1])
 
 
 def _charts(name: str, history: fem.History) -> list[Chart]:

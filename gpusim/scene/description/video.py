@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from contextlib import suppress
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from gpusim.scene.tables.table import SeveralNames, Table, tables_of
 
-from .analysis.analysis_type import ANALYSIS_TYPES
+from .analysis.analysis_table import TABLES
 from .camera import CameraTable
 
 VideoFormat = Literal["ffv1", "mraw", "tiff", "png", "mp4"]
@@ -46,8 +45,7 @@ def filming(video: VideoTable | None, cameras: Iterable[CameraTable]) -> tuple[s
 
 def has_frame_rate(analysis: str) -> bool:
     """Whether frames of a type of analysis are in time."""
-    kind = ANALYSIS_TYPES.get(analysis)
-    return kind is not None and "frame_rate_Hz" in kind.keys
+    return analysis in TABLES and "frame_rate_Hz" in TABLES[analysis].model_fields
 
 
 def complete_from_video(document: dict[str, Any]) -> None:
@@ -61,6 +59,6 @@ def complete_from_video(document: dict[str, Any]) -> None:
         kind = analysis.get("type", "static")
         if isinstance(kind, str) and has_frame_rate(kind):
             analysis.setdefault("frame_rate_Hz", rate)
-    for _, camera in tables_of(document, "camera") if exposure is not None else ():
-        with suppress(TypeError):  # of what is no number the schema tells
+    if isinstance(exposure, int | float):
+        for _, camera in tables_of(document, "camera"):
             camera.setdefault("shutter", {"exposure_ms": 1e-3 * exposure})
