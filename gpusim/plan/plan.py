@@ -101,7 +101,7 @@ class _ScenePlan:
         stages.append(
             PlannedStage("report", "run", "says what this run did", self.cost["report"][0], seconds,
                          digest(["report", self.scene.name, self.scene.description, everything]),
-                         self.details.get("report", ""), cost=seconds)
+                         self.details.get("report", ""))
         )  # fmt: skip
         works = works_of(stages, self._size())
         if self.speed is not None:
@@ -115,9 +115,7 @@ class _ScenePlan:
         memory, seconds = self.cost[kind] if public.runs else (0, 0.0)
         detail = self.details.get(kind, "") if public.runs else ""
         key = digest([public.name, [task.key for task in public.tasks]])
-        stage = PlannedStage(
-            public.name, public.state, public.reason, memory, seconds, key, detail, cost=seconds
-        )
+        stage = PlannedStage(public.name, public.state, public.reason, memory, seconds, key, detail)
         return self._picture(stage, *picture) if public.name.startswith("render/") else stage
 
     def _picture(self, stage: PlannedStage, name: str, number: str) -> PlannedStage:
@@ -154,9 +152,8 @@ class _ScenePlan:
         """What a picture takes, and what it is, compilation included."""
         columns, rows = camera.resolution
         compiling, words = self._compiling()
-        total = seconds + compiling
         detail = f"{columns}x{rows} px, {stage.detail}, {what}{words}"
-        return replace(stage, detail=detail, seconds=total, cost=total, compiling=compiling)
+        return replace(stage, detail=detail, seconds=seconds + compiling, compiling=compiling)
 
     def _compiling(self) -> tuple[float, str]:
         """Seconds and words for the shaders, of the first image that is drawn."""

@@ -47,9 +47,9 @@ class PlannedStage:
     """One stage and what is done with it.
 
     ``detail`` says how much work it is; ``memory_bytes`` and ``seconds`` are estimates (0 unless
-    run), the latter from ``cost``, that of the machine which the costs were measured on, of which
-    ``compiling`` for shaders. Render stages, named ``render/<camera>/<frame>``, have ``camera`` and
-    ``frame``; those of a calibration target, ``render/<camera>/calib-<pose>``, ``pose`` instead.
+    run), of the latter ``compiling`` for shaders. Render stages, named
+    ``render/<camera>/<frame>``, have ``camera`` and ``frame``; those of a calibration target,
+    ``render/<camera>/calib-<pose>``, ``pose`` instead.
     """
 
     name: str
@@ -62,7 +62,6 @@ class PlannedStage:
     camera: str | None = None
     frame: int | None = None
     pose: int | None = None
-    cost: float = 0.0
     compiling: float = 0.0
 
     @property
@@ -121,7 +120,8 @@ class Plan:
 
 
 def works_of(stages: Sequence[PlannedStage], size: str) -> dict[str, Workload]:
-    """What is run of each kind; ``size`` of the scene goes with all of it."""
+    """What is run of each kind, by the seconds of the machine that costs were measured on; ``size``
+    of the scene goes with all of it."""
     kinds: dict[str, list[PlannedStage]] = {}
     for stage in stages:
         if stage.runs:
@@ -130,7 +130,7 @@ def works_of(stages: Sequence[PlannedStage], size: str) -> dict[str, Workload]:
         kind: Workload(
             kind,
             "; ".join([size, *(stage.detail for stage in own)]),
-            sum(stage.cost for stage in own),
+            sum(stage.seconds for stage in own),
             sum(stage.compiling for stage in own),
         )
         for kind, own in kinds.items()
@@ -143,6 +143,6 @@ def timed(
     """The stages with the seconds that they take at a machine's speed."""
     share = {kind: speed.seconds(work) / work.seconds for kind, work in works.items()}
     return [
-        replace(stage, seconds=stage.cost * share[stage.kind]) if stage.runs else stage
+        replace(stage, seconds=stage.seconds * share[stage.kind]) if stage.runs else stage
         for stage in stages
     ]
