@@ -170,10 +170,12 @@ class Course:
 @dataclass(frozen=True, eq=False)
 class Transient:
     """A motion in time; a state is an instant. ``course``: of the nodes (N, 3) m, or of the
-    amplitudes (n,) of ``shapes`` (n, N, 3)."""
+    amplitudes (n,) of ``shapes`` (n, N, 3), of which the first m may be modes, ``natural`` (2, m):
+    their frequencies (Hz) and shares of critical damping."""
 
     course: Course
     shapes: Float | None = None
+    natural: Float | None = None
 
     def displacement(self, state: State) -> Float:
         """(N, 3) m."""

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 VIBRATION = "solution/vibration.npz"
 Stored = Mapping[str, npt.NDArray[Any]]
 _COURSE = ("times", "values", "rates", "accelerations")
+_MODES = ("shapes", "natural")
 _OSCILLATION = ("amplitudes", "frequencies", "rest")
 
 
@@ -27,7 +28,8 @@ def vibration_arrays(motion: Oscillation | Transient, body: int) -> dict[str, np
     if isinstance(motion, Oscillation):
         known = {name: getattr(motion, name) for name in _OSCILLATION}
     else:
-        known = {name: getattr(motion.course, name) for name in _COURSE} | {"shapes": motion.shapes}
+        known = {name: getattr(motion.course, name) for name in _COURSE}
+        known |= {name: getattr(motion, name) for name in _MODES}
     return {f"{name}{body}": values for name, values in known.items() if values is not None}
 
 
@@ -38,14 +40,14 @@ def stored_vibration(
 
     Raises InputError where there is no such mode, KeyError or ValueError for damage.
     """
-    names = (*_COURSE, "shapes", *_OSCILLATION)
+    names = (*_COURSE, *_MODES, *_OSCILLATION)
     known = {key: stored[f"{key}{body}"] for key in names if f"{key}{body}" in stored}
     for key, values in known.items():
         if not np.isfinite(values).all():
             raise ValueError(f"{key}: values that aren't finite")
     if "times" in known:
-        shapes = known.pop("shapes", None)
-        return Transient(Course(**known), shapes)
+        modes = {name: known.pop(name, None) for name in _MODES}
+        return Transient(Course(**known), **modes)
     if "amplitudes" not in known or not isinstance(analysis, OscillationTable):
         return None
     amplitudes, shown = known["amplitudes"], analysis.shown

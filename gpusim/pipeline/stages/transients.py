@@ -97,7 +97,7 @@ def _on_ground(motion: Transient, ground: fem.Record) -> Transient:
     assert course.accelerations is not None  # of shapes they are known
     known = ((course.values, x), (course.rates, v), (course.accelerations, a))
     moved = Course(course.times, *(np.hstack(pair) for pair in known))
-    return Transient(moved, np.concatenate([motion.shapes, along]))
+    return Transient(moved, np.concatenate([motion.shapes, along]), motion.natural)
 
 
 def _instants(frames: Float, around: float, end: float, spacing: float) -> Float:
@@ -125,7 +125,10 @@ def _superposed(modal: ModalMotion, instants: Float, around: float) -> Transient
         if off.max() <= FINE * (np.abs(known[0]) @ size).max():
             break
         instants = np.union1d(instants, middle)
-    return Transient(Course(instants, *modal.coordinates(instants)[:3]), modal.shapes)
+    angular = modal.modes.angular
+    natural = np.stack([angular, 0.5 * modal.modes.damping / np.maximum(angular, 1e-300)])
+    natural[0] /= 2.0 * np.pi
+    return Transient(Course(instants, *modal.coordinates(instants)[:3]), modal.shapes, natural)
 
 
 def _kinks(kinks: Float, instants: Float, around: float) -> Float:

@@ -18,6 +18,7 @@ In the order in which data passes:
 - `measure_table`: What every ``[[measure]]`` says, and the kinds that there are.
 - `correlation_measures`: The tables of ``[[measure]]`` that correlate pictures: what all of them
   say, and those that follow a few places over frames.
+- `vibration_measures`: The tables of ``[[measure]]`` that find what vibrates in pictures.
 - `measures`: The tables of gpusim's own kinds of ``[[measure]]``.
 - `scene_table`: ``[[body]]``, and the scene as a whole.
 - `model`: Every table's class by its name.

@@ -126,6 +126,15 @@ class CorrelationTable(MeasureTable):
         yield from _missing_frames(entry, document)
 
 
+def one_of_each(table: MeasureTable, places: Sequence[str]) -> None:
+    """Each of the ``places`` is given in px or in mm. Raises a fault."""
+    for key in places:
+        given = [getattr(table, f"{key}_{unit}") is not None for unit in ("px", "mm")]
+        if sum(given) != 1:
+            got = Words("both" if all(given) else "neither")
+            raise fault(f"{key}_px", "where it is", got, f"{key}_px or {key}_mm")
+
+
 class SeriesTable(CorrelationTable):
     """A few places of a surface over frames: in the reference picture, x right and y down, or in
     space on the unloaded structure, as the (first) camera sees it."""
@@ -136,11 +145,7 @@ class SeriesTable(CorrelationTable):
 
     @model_validator(mode="after")
     def _check_places(self) -> SeriesTable:
-        for key in self.places:
-            given = [getattr(self, f"{key}_{unit}") is not None for unit in ("px", "mm")]
-            if sum(given) != 1:
-                got = Words("both" if all(given) else "neither")
-                raise fault(f"{key}_px", "where it is", got, f"{key}_px or {key}_mm")
+        one_of_each(self, self.places)
         return self
 
 

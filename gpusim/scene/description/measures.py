@@ -34,6 +34,7 @@ from .correlation_measures import (
     PointMeasureTable,
 )
 from .measure_table import TABLES, MeasureFault, MeasureTable
+from .vibration_measures import ModesTable
 
 
 class PublishedTable(Table):
@@ -282,7 +283,7 @@ TABLES.update(
     (table.kind(), table)
     for table in (
         DeflectionTable, StereoTable, DicTable, ExtensometerTable, GaugeTable, LineMeasureTable,
-        PointMeasureTable, DamageTable,
+        PointMeasureTable, ModesTable, DamageTable,
     )
 )  # fmt: skip
 AnyMeasure = Annotated[MeasureTable, AnyOf(TABLES)]

@@ -96,4 +96,5 @@ from .prop import BoxTable, CalibrationTable, PlateTable, PoseTable, Prop, PropT
 from .scene_table import Body, Part, SceneTable
 from .sensor import CameraSensorTable, Gains, SensorTable
 from .targets import ArucoTable, CharucoTable, CirclesTable, LinesTable, RingCodesTable, StarTable
+from .vibration_measures import ModesTable
 from .video import VideoTable

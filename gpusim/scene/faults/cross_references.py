@@ -280,9 +280,10 @@ class _Checks:
             self.add(("body",), "nothing is there", got, wanted)
         kinds = [TABLES.get(str(measure.get("type"))) for _, measure in self.measures]
         least = max((kind.least_frames for kind in kinds if kind), default=0)
-        if self.frames == 1 < least:
-            self.add(("analysis", self.frames_key), "nothing to compare", Words("one frame"),
-                     "two frames or more, the first one the reference")  # fmt: skip
+        if self.frames and self.frames < least:
+            got = Words(f"{self.frames} frame{'s' * (self.frames > 1)}")
+            self.add(("analysis", self.frames_key), "too few frames to measure in", got,
+                     f"{least} or more, the first one the reference")  # fmt: skip
         measures = document.get("measure")
         if isinstance(measures, list) and measures and document.get("camera", []) == []:
             got, wanted = Words("no camera"), "at least one [[camera]]"

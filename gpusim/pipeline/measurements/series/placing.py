@@ -45,7 +45,7 @@ class PlacedSubsets:
 class ReferencePicture:
     """The picture in which places are told: frame 0 of the first camera of ``spec``."""
 
-    spec: m.SeriesTable
+    spec: m.SeriesTable | m.ModesTable
     motion: TrueMotion
 
     def pixels(self, key: str) -> Float:

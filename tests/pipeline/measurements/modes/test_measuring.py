@@ -1,0 +1,62 @@
+"""Modes measured in a film of a bar that is let go, against those of the solver."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gpusim as gs
+from gpusim.errors import SceneError
+from gpusim.pipeline.measurements.modes.result import ModesResult
+from gpusim.scene import Scene
+from tests.support.small_scene import DOCUMENT, small_scene
+
+FILM = {"type": "transient", "duration_s": 0.064, "frame_rate_Hz": 1000.0, "count": 2,
+        "release": ["push"], "damping": {"ratio": 0.02}}  # fmt: skip
+SPECKLE = {"name": "side", "type": "speckle", "where": {"normal": "-y"}, "diameter_mm": 2.4,
+           "softness_mm": 0.6, "albedo": 0.7}  # fmt: skip
+MODES = {"name": "modes", "type": "modes", "camera": "side", "start_mm": [30.0, 0.0, 5.0],
+         "end_mm": [230.0, 0.0, 5.0], "count": 6, "subset_px": 9, "modes": 1,
+         "excitation": "release"}  # fmt: skip
+CAMERA = {**DOCUMENT["camera"][0], "resolution_px": [300, 40], "sensor_mm": [15.0, 2.0]}
+
+
+def film(analysis: Any = FILM, **keys: Any) -> Scene:
+    grey, _ = DOCUMENT["body"][0]["paint"]
+    body = {**DOCUMENT["body"][0], "paint": [grey, SPECKLE]}
+    measure = {key: value for key, value in {**MODES, **keys}.items() if value is not None}
+    return small_scene(analysis=analysis, body=[body], camera=[CAMERA], measure=[measure],
+                       output={"fields": False})  # fmt: skip
+
+
+def test_a_bar_that_is_let_go(tmp_path: Path) -> None:
+    report = gs.run(film(), tmp_path, backend="numpy")
+    told = {one.name: one for one in report.measurements}
+    frequency, damping, likeness = (
+        told[f"modes: mode 1, {what}"] for what in ("frequency", "damping", "MAC")
+    )
+    assert frequency.truth == pytest.approx(143.0, rel=0.02) and damping.truth == pytest.approx(2.0)
+    assert {one.verdict for one in (frequency, damping, likeness)} == {"good"}
+    assert len(report.series) == 1 and len(report.overlays) == 1
+    result = ModesResult.read(tmp_path / "measure", "modes")
+    assert result.displacement_px.shape == (65, 6 - result.lost, 2) and result.lost <= 1
+    assert np.abs(result.shapes - result.true_shapes).max() < 0.02
+    rows = (tmp_path / "measure/modes-series.csv").read_text().splitlines()
+    assert len(rows) == 66 and rows[0].startswith("time_s,p1_x_px,p1_y_px")
+
+
+@pytest.mark.parametrize(
+    ("analysis", "keys", "text"),
+    [
+        ({"type": "static", "load_factors": [0.0] * 70}, {}, "without a time between frames"),
+        (FILM, {"end_mm": None}, r"end_px: where it is; got neither"),
+        (FILM, {"subset_px": 8}, r"subset_px: even; got 8; expected an odd number"),
+        ({**FILM, "duration_s": 0.02}, {}, "got 21 frames; expected 64 or more"),
+    ],
+)
+def test_what_is_not_enough(analysis: Any, keys: dict[str, Any], text: str) -> None:
+    with pytest.raises(SceneError, match=text):
+        film(analysis, **keys)
