@@ -25,6 +25,8 @@ from gpusim.gpu import Device, default_device
 from gpusim.gpu.context import DeviceContext
 from tests.support.report_figures import draw_figures
 
+LONGEST = "test_stability_solver", "view/test_window"
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
@@ -54,8 +56,8 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The file that takes longest first: at the end one process would wait for the other."""
-    items.sort(key=lambda item: "test_stability_solver" not in item.nodeid)
+    """Files that take longest first: at the end one process would wait for the other."""
+    items.sort(key=lambda item: not any(name in item.nodeid for name in LONGEST))
 
 
 @pytest.hookimpl(tryfirst=True)

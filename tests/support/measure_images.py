@@ -227,6 +227,11 @@ class Waves:
 
     def at(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Grey values at positions of any equal shape: mean 128, standard deviation 40."""
+        if x.ndim == 2 and (x == x[0]).all() and (y == y[:, :1]).all():
+            # a lattice, of whose places rows and columns each have a factor
+            across = np.exp(1j * (np.outer(self.kx, x[0]) + self.phase[:, None]))
+            down = np.exp(1j * np.outer(y[:, 0], self.ky))
+            return np.asarray(128.0 + self.amplitude * (down @ across).imag)
         total = np.full(x.shape, 128.0)
         for kx, ky, phase in zip(self.kx, self.ky, self.phase, strict=True):
             total += self.amplitude * np.sin(kx * x + ky * y + phase)

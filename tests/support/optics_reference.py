@@ -17,6 +17,8 @@ from gpusim.surface.paint import Checker, Dots
 
 Array = npt.NDArray[np.float64]
 SAMPLES = 64
+_AT_ONCE = 8
+"""Rows of them: more would not fit the caches."""
 # rows of samples are shifted against each other, so that no edge direction runs along the lattice;
 # the shifts average to 1/2, so that the samples' mean is the pixel's centre
 SHIFT = ((np.arange(SAMPLES) * 27) % SAMPLES + 0.5) / SAMPLES
@@ -90,30 +92,38 @@ def reference(
     first, stop = rows or (0, camera.height)
     grid = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
     offset = (np.arange(SAMPLES)[None, :] + SHIFT[:, None]) / SAMPLES - 0.5
-    x = (np.arange(camera.width)[None, :, None] + offset[:, None, :]).reshape(-1)
+    x = np.arange(camera.width)[None, :, None] + offset[:, None, :]
     out = np.zeros((stop - first, camera.width))
     for row in range(first, stop):
-        y = np.repeat(row + grid, camera.width * SAMPLES)
-        u, v = x, y
-        if camera.lens is not None:
-            u, v = camera.undistort(np.stack([x, y], axis=1)).T
-        value = np.full(len(x), background)
-        nearest = np.full(len(x), np.inf)
-        for plate in plates:
-            normal = np.cross(plate.s_axis, plate.t_axis)
-            slope = ray.T @ normal
-            along = slope[0] * u + slope[1] * v + slope[2]
-            depth = ((plate.origin - eye) @ normal) / np.where(along != 0.0, along, np.nan)
-            relative = eye - plate.origin
-            s = depth * _linear(ray.T @ plate.s_axis, u, v) + relative @ plate.s_axis
-            t = depth * _linear(ray.T @ plate.t_axis, u, v) + relative @ plate.t_axis
-            hit = (depth > 0.0) & (depth < nearest)
-            hit &= (s >= 0.0) & (s <= plate.size[0]) & (t >= 0.0) & (t <= plate.size[1])
-            at = np.flatnonzero(hit)
-            value[at] = plate.value(s[at], t[at])
-            nearest[at] = depth[at]
-        out[row - first] = value.reshape(SAMPLES, camera.width, SAMPLES).mean(axis=(0, 2))
-    return out
+        for k in range(0, SAMPLES, _AT_ONCE):
+            u = x[k : k + _AT_ONCE].reshape(-1)
+            v = np.repeat(row + grid[k : k + _AT_ONCE], camera.width * SAMPLES)
+            if camera.lens is not None:
+                u, v = camera.undistort(np.stack([u, v], axis=1)).T
+            value = _values(ray, eye, plates, background, u, v)
+            out[row - first] += value.reshape(-1, camera.width, SAMPLES).sum(axis=(0, 2))
+    return out / SAMPLES**2
+
+
+def _values(
+    ray: Array, eye: Array, plates: Sequence[Plate], background: float, u: Array, v: Array
+) -> Array:
+    """Radiance where rays through pixels (u, v) end; ``ray`` (3,3) is their directions' matrix."""
+    value = np.full(len(u), background)
+    nearest = np.full(len(u), np.inf)
+    for plate in plates:
+        normal = np.cross(plate.s_axis, plate.t_axis)
+        along = _linear(ray.T @ normal, u, v)
+        depth = ((plate.origin - eye) @ normal) / np.where(along != 0.0, along, np.nan)
+        relative = eye - plate.origin
+        s = depth * _linear(ray.T @ plate.s_axis, u, v) + relative @ plate.s_axis
+        t = depth * _linear(ray.T @ plate.t_axis, u, v) + relative @ plate.t_axis
+        hit = (depth > 0.0) & (depth < nearest)
+        hit &= (s >= 0.0) & (s <= plate.size[0]) & (t >= 0.0) & (t <= plate.size[1])
+        at = np.flatnonzero(hit)
+        value[at] = plate.value(s[at], t[at])
+        nearest[at] = depth[at]
+    return value
 
 
 def _linear(slope: Array, x: Array, y: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 import pytest
 import trimesh
 from PIL import Image as Pillow
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import map_coordinates, spline_filter
 
 import gpusim as gs
 from gpusim.errors import InputError, SceneError
@@ -78,22 +78,21 @@ def rays(picture: Array, camera: gs.Camera, n: int) -> Array:
     sheets = [((0, 1, 2), (0, 1, 2)), ((0, 2, 3), (0, 2, 3)), ((1, 4, 5), (4, 5, 6)),
               ((1, 5, 2), (4, 6, 1))]  # fmt: skip
     step = (np.arange(n) + 0.5) / n - 0.5
-    x = np.arange(camera.width)[:, None] + step
-    y = np.arange(camera.height)[:, None] + step
-    at = np.stack(np.meshgrid(x.ravel(), y.ravel()), axis=-1)
-    ways = np.concatenate([at, np.ones((*at.shape[:2], 1))], axis=2) @ np.linalg.inv(camera.K).T
-    ways = ways @ camera.camera_from_world[:3, :3]
-    eye = camera.eye
-    result = np.full(at.shape[:2], np.nan)
-    for corner, uv in sheets:
-        a, b, c = points[list(corner)]
-        weights = ways @ np.linalg.inv(np.array([a - eye, b - eye, c - eye]))
-        weights /= weights.sum(axis=2, keepdims=True)
-        inside = (weights >= 0.0).all(axis=2)
-        s, t = np.moveaxis(weights[inside] @ vt[list(uv)], 1, 0) % 1.0
-        rows, columns = picture.shape
-        place = [rows - t * rows - 0.5, s * columns - 0.5]
-        result[inside] = map_coordinates(picture, place, order=5, mode="reflect")
+    x = (np.arange(camera.width)[:, None] + step).ravel()
+    eye, (rows, columns) = camera.eye, picture.shape
+    spline = spline_filter(picture, order=5, mode="reflect")
+    result = np.full((camera.height, n, len(x)), np.nan)
+    for row, seen in enumerate(result):  # the rays of all rows wouldn't fit the caches
+        at = np.stack([*np.meshgrid(x, row + step), np.ones(seen.shape)], axis=-1)
+        ways = at @ np.linalg.inv(camera.K).T @ camera.camera_from_world[:3, :3]
+        for corner, uv in sheets:
+            a, b, c = points[list(corner)]
+            weights = ways @ np.linalg.inv(np.array([a - eye, b - eye, c - eye]))
+            weights /= weights.sum(axis=2, keepdims=True)
+            inside = (weights >= 0.0).all(axis=2)
+            s, t = np.moveaxis(weights[inside] @ vt[list(uv)], 1, 0) % 1.0
+            place = [rows - t * rows - 0.5, s * columns - 0.5]
+            seen[inside] = map_coordinates(spline, place, order=5, mode="reflect", prefilter=False)
     return result.reshape(camera.height, n, camera.width, n).mean(axis=(1, 3))
 
 

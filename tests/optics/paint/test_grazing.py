@@ -59,14 +59,17 @@ def albedo(paint: gs.paint.Speckle, st: np.ndarray) -> np.ndarray:
         return np.full(st.shape[:-1], paint.ground)
     half = EDGE * paint.softness
     reach = float(np.sqrt(radii.max() * (radii.max() + 2.0 * half)))
-    distance, index = cKDTree(centres).query(flat, k=24, distance_upper_bound=reach)
-    assert not np.isfinite(distance[:, -1]).any()
-    r = radii[np.where(np.isfinite(distance), index, 0)]
-    # nothing of a disc at an infinite distance
-    square = np.minimum(distance, 1e6) ** 2
-    opacity = edge_opacity((r * r - square) / (2.0 * r * half)) if half else square < r * r
-    cover = 1.0 - np.prod(1.0 - opacity, axis=1)
-    return (paint.ground + (paint.dot - paint.ground) * cover).reshape(st.shape[:-1])
+    tree, clear = cKDTree(centres), np.empty(len(flat))
+    for first in range(0, len(flat), 10_000):  # all at once would fill the memory
+        part = slice(first, first + 10_000)
+        distance, index = tree.query(flat[part], k=24, distance_upper_bound=reach)
+        assert not np.isfinite(distance[:, -1]).any()
+        r = radii[np.where(np.isfinite(distance), index, 0)]
+        # nothing of a disc at an infinite distance
+        square = np.minimum(distance, 1e6) ** 2
+        opacity = edge_opacity((r * r - square) / (2.0 * r * half)) if half else square < r * r
+        clear[part] = np.prod(1.0 - opacity, axis=1)
+    return (paint.ground + (paint.dot - paint.ground) * (1.0 - clear)).reshape(st.shape[:-1])
 
 
 def on_tube(pixels: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
