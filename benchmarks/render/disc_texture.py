@@ -5,16 +5,19 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.bench.image_cases import Texture
+from gpusim.surface.paint import Speckle
 
 __all__ = ["disc_texture"]
 
 
-def disc_texture(plate: Texture, texel: float, n: int = 8) -> npt.NDArray[np.uint8]:
-    """The plate as an 8 bit image, each texel the mean of n x n samples; row 0 is t = 0."""
-    columns, rows = (round(length / texel) for length in plate.size)
-    step = np.array(plate.size) / [columns * n, rows * n]
-    centres, radii = plate.paint.discs((0.0, 0.0), plate.size)
+def disc_texture(
+    paint: Speckle, size: tuple[float, float], texel: float, n: int = 8
+) -> npt.NDArray[np.uint8]:
+    """A plate of this ``size`` as an 8 bit image, each texel the mean of n x n samples; row 0 is
+    t = 0."""
+    columns, rows = (round(length / texel) for length in size)
+    step = np.array(size) / [columns * n, rows * n]
+    centres, radii = paint.discs((0.0, 0.0), size)
     fine = np.zeros((rows * n, columns * n), bool)
     for (u, v), radius in zip(centres, radii, strict=True):
         j0, j1 = (max(0, int((u + sign * radius) / step[0])) for sign in (-1, 1))
@@ -23,5 +26,5 @@ def disc_texture(plate: Texture, texel: float, n: int = 8) -> npt.NDArray[np.uin
         y = (np.arange(i0, min(i1 + 1, rows * n)) + 0.5) * step[1] - v
         fine[i0 : i0 + len(y), j0 : j0 + len(x)] |= x**2 + y[:, None] ** 2 <= radius * radius
     covered = fine.reshape(rows, n, columns, n).mean(axis=(1, 3))
-    albedo = plate.paint.ground + covered * (plate.paint.dot - plate.paint.ground)
+    albedo = paint.ground + covered * (paint.dot - paint.ground)
     return np.asarray(np.rint(255.0 * albedo), np.uint8)

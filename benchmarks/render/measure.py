@@ -142,13 +142,13 @@ def _write_problem(case: ImageCase, folder: Path) -> None:
             lamps.append(np.stack([camera.to_camera(centre), R @ a, R @ b]))
             radiance.append(lamp.power / (4.0 * np.pi * np.linalg.norm(np.cross(a, b))))
         arrays |= {"lamps": np.stack(lamps), "radiance": np.array(radiance)}
-    if case.texture is not None:
-        plate = case.texture
-        relative = case.soup.corners - plate.origin
-        st = np.stack([relative @ plate.s_axis, relative @ plate.t_axis], axis=-1)
-        arrays["uv"] = st / np.array(plate.size)
+    if case.speckle is not None:
+        plate = case.surfaces[0].frames["plate"]
+        st = plate.coordinates(case.soup.corners)
+        wide, tall = st.reshape(-1, 2).max(axis=0)
+        arrays["uv"] = st / [wide, tall]
         pixel = float(np.linalg.norm(plate.origin - camera.eye)) / camera.K[0, 0]
-        arrays["texture"] = disc_texture(plate, 0.5 * pixel)
+        arrays["texture"] = disc_texture(case.speckle, (wide, tall), 0.5 * pixel)
     np.savez(folder / "problem.npz", allow_pickle=False, **arrays)
     facts = {"width": camera.width, "height": camera.height, "focal": camera.K[0, 0],
              "lit": bool(case.lights)}  # fmt: skip

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpusim.arrays.array_types import Float
+from gpusim.bench.solver_cases import SIZES
 from gpusim.errors import InputError
 from gpusim.mesh import boundary_faces, crane, select_faces
 from gpusim.optics import AreaLight, Camera
@@ -19,7 +20,6 @@ from gpusim.surface.paint import Checker, Markers, Paint, Plain, Speckle
 from gpusim.surface.surface import triangulate
 
 Builder = Callable[[str], "ImageCase"]
-SIZES = ("small", "standard", "full")
 LIFT = 1e-6
 """m by which markers as triangles lie before the face that they are painted on."""
 
@@ -33,26 +33,16 @@ class Soup:
 
 
 @dataclass(frozen=True, eq=False)
-class Texture:
-    """A plate painted by discs: corner ``origin``, unit ``s_axis``, ``t_axis``, ``size``."""
-
-    origin: Float
-    s_axis: Float
-    t_axis: Float
-    size: tuple[float, float]
-    paint: Speckle
-
-
-@dataclass(frozen=True, eq=False)
 class ImageCase:
-    """One scene at one size. ``windows`` are rows and columns (r0, r1, c0, c1) that are judged."""
+    """One scene at one size. ``windows`` are rows and columns (r0, r1, c0, c1) that are judged;
+    ``speckle``: the paint of the first surface, a plate, in its frame "plate"."""
 
     name: str
     camera: Camera
     surfaces: list[Surface]
     soup: Soup
     lights: tuple[AreaLight, ...] = ()
-    texture: Texture | None = None
+    speckle: Speckle | None = None
     windows: tuple[tuple[int, int, int, int], ...] = ()
 
     @property
@@ -200,7 +190,7 @@ def _speckle(width: int) -> ImageCase:
     spots = np.array([[-0.2, 0.0, 0.1], [0.0, 0.0, 0.0], [0.22, 0.0, -0.17]])
     return ImageCase(
         "speckle", camera, [surface], Soup(_quad(corner, size[0] * s, size[1] * t), np.ones(2)),
-        texture=Texture(corner, s, t, size, paint), windows=square_windows(camera, spots, 96),
+        speckle=paint, windows=square_windows(camera, spots, 96),
     )  # fmt: skip
 
 

@@ -16,11 +16,13 @@ from pathlib import Path
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.bench.image_cases import IMAGE_CASES, ImageCase, Texture
+from gpusim.bench.image_cases import IMAGE_CASES, ImageCase
 from gpusim.bench.solver import error_text, machine
 from gpusim.files.atomic_files import write_text
 from gpusim.gpu import Device, default_device
 from gpusim.optics import render
+from gpusim.surface import PaintFrame
+from gpusim.surface.paint import Speckle
 
 Tell = Callable[[str], None]
 _WARM = 4
@@ -179,8 +181,8 @@ def _window(
         inside &= depth > nearest[part]
         nearest[part][inside] = depth[inside]
         value[part][inside] = albedo[k]
-    if case.texture is not None:
-        value = np.where(nearest > 0.0, _discs_at(case, case.texture, x, y), 0.0)
+    if case.speckle is not None:
+        value = np.where(nearest > 0.0, _discs_at(case, case.speckle, x, y), 0.0)
     return np.asarray(value.reshape(r1 - r0, n, c1 - c0, n).mean(axis=(1, 3)))
 
 
@@ -192,9 +194,10 @@ def _barycentric(p: Float, x: Float, y: Float) -> Float:
     return np.stack([1.0 - b1 - b2, b1, b2])
 
 
-def _discs_at(case: ImageCase, plate: Texture, x: Float, y: Float) -> Float:
+def _discs_at(case: ImageCase, paint: Speckle, x: Float, y: Float) -> Float:
     """Albedo of the speckled plate where rays through image points meet it."""
-    camera = case.camera
+    camera, plate = case.camera, case.surfaces[0].frames["plate"]
+    assert isinstance(plate, PaintFrame)
     ray = np.stack([x, y, np.ones(x.shape)], axis=-1) @ np.linalg.inv(camera.K).T
     ray = ray @ camera.camera_from_world[:3, :3]
     normal = np.cross(plate.s_axis, plate.t_axis)
@@ -202,7 +205,7 @@ def _discs_at(case: ImageCase, plate: Texture, x: Float, y: Float) -> Float:
     hit = camera.eye + along[..., None] * ray - plate.origin
     s, t = hit @ plate.s_axis, hit @ plate.t_axis
     low, high = (np.array([f(s), f(t)]) for f in (np.min, np.max))
-    centres, radii = plate.paint.discs(low, high)
+    centres, radii = paint.discs(low, high)
     covered = np.zeros(x.shape, bool)
     # a disc covers a few rows of samples: the plate is seen nearly upright
     slope_y = (t[-1].mean() - t[0].mean()) / (len(y) - 1)
@@ -216,7 +219,7 @@ def _discs_at(case: ImageCase, plate: Texture, x: Float, y: Float) -> Float:
         if i + di < 0 or j + dj < 0:
             continue
         covered[part] |= (s[part] - u) ** 2 + (t[part] - v) ** 2 <= radius * radius
-    return np.where(covered, plate.paint.dot, plate.paint.ground)
+    return np.where(covered, paint.dot, paint.ground)
 
 
 @dataclass(frozen=True)

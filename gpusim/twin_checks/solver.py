@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
@@ -91,20 +91,26 @@ def _relaxed(
         yield Pair(read_nodes(texture, 2), value)
 
 
+def _products(
+    device: Device, operator: DeviceStiffness | DeviceTets, u: Float
+) -> Iterator[tuple[Float, Float]]:
+    """``u`` (2,N,3) as the device has it, exact and rounded, and what the operator makes of it."""
+    result = operator.vector(np.zeros_like(u))
+    for rounded in (False, True):
+        source = operator.vector(u, rounded=rounded)
+        with device.recording("fem.check") as recording:
+            operator.record(recording, source, result)
+        yield source.read(2), result.read(2)
+
+
 @twin_check("fem/device/stiffness", REAL_SUMS)
 def _stiffness(device: Device) -> Pairs:
     rng = np.random.default_rng(5)
     for mesh in _boxes((7, 6, 5), rng):
         rows = _rows(mesh)
         u = rng.normal(size=(2, *mesh.points.shape))
-        operator = DeviceStiffness(device, rows, 1.0, 2)
-        result = operator.vector(np.zeros_like(u))
-        for rounded in (False, True):
-            source = operator.vector(u, rounded=rounded)
-            with device.recording("fem.check") as recording:
-                operator.record(recording, source, result)
-            wanted = apply_stiffness(rows, source.read(2))
-            yield Pair(result.read(2), wanted, part="apply")
+        for given, got in _products(device, DeviceStiffness(device, rows, 1.0, 2), u):
+            yield Pair(got, apply_stiffness(rows, given), part="apply")
     # the kernel's plain form, as coarse levels use it: any matrix, not square
     dense = rng.normal(size=(36, 24)) * (rng.random((36, 24)) < 0.3)
     x = rng.normal(size=(2, 8, 3))
@@ -121,14 +127,8 @@ def _stiffness(device: Device) -> Pairs:
 def _tet_forces(device: Device) -> Pairs:
     elements, nodes = check_elements()
     u = np.random.default_rng(6).normal(size=(2, nodes, 3))
-    operator = DeviceTets(device, elements, nodes, 1.0, 2)
-    result = operator.vector(np.zeros_like(u))
-    for rounded in (False, True):
-        source = operator.vector(u, rounded=rounded)
-        with device.recording("fem.check") as recording:
-            operator.record(recording, source, result)
-        wanted = apply_tets(elements, source.read(2))
-        yield Pair(result.read(2), wanted)
+    for given, got in _products(device, DeviceTets(device, elements, nodes, 1.0, 2), u):
+        yield Pair(got, apply_tets(elements, given))
 
 
 @twin_check("fem/device/tet_forces_single", SINGLE_SUMS)

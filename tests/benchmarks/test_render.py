@@ -101,12 +101,12 @@ def test_lamps_shine_towards_their_target() -> None:
 
 
 def test_the_texture_covers_what_the_discs_do() -> None:
-    plate = IMAGE_CASES["speckle"]("small").texture
-    assert plate is not None
-    image = disc_texture(replace(plate, size=(0.2, 0.12)), 1e-3)
+    paint = IMAGE_CASES["speckle"]("small").speckle
+    assert paint is not None
+    image = disc_texture(paint, (0.2, 0.12), 1e-3)
     assert image.shape == (120, 200)
-    covered = (plate.paint.ground - image.mean() / 255) / (plate.paint.ground - plate.paint.dot)
-    assert abs(covered - plate.paint.coverage) <= 0.03
+    covered = (paint.ground - image.mean() / 255) / (paint.ground - paint.dot)
+    assert abs(covered - paint.coverage) <= 0.03
 
 
 def result() -> RenderResult:

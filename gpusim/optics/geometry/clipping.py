@@ -202,7 +202,7 @@ def split(pieces: ClippedTriangles, screen: ImagePlane) -> tuple[ClippedTriangle
         else:
             place = screen.bent(ideal)
             # what a lens turns over is a sliver within the tolerance, or beyond the lens's domain
-            good = _twice_area(place) * _twice_area(ideal) > 0.0
+            good = twice_area(*_columns(place)) * twice_area(*_columns(ideal)) > 0.0
         above = edge_excess(ideal, place, pieces.shows, screen)
         long = (above[:, 0] > 1.0) | (above[:, 1] > 1.0) | (above[:, 2] > 1.0)
         good &= ~long
@@ -316,9 +316,10 @@ def wound(x: list[Float], y: list[Float]) -> tuple[Bool, Bool]:
     return front, area <= ux
 
 
-def _twice_area(triangles: Float) -> Float:
-    a, b, c = (triangles[:, k] for k in range(3))
-    return _cross(b - a, c - a)
+def twice_area(x: list[Float], y: list[Float]) -> Float:
+    """(n,) of triangles with corners at x and y, three arrays (n,) each; above 0 one way round."""
+    result: Float = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])
+    return result
 
 
 def _overlaps(triangles: Float, low: Float, high: Float) -> Bool:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.clipping import ImagePlane, wound
-from gpusim.optics.geometry.triangle_corners import CHUNK
+from gpusim.optics.geometry.triangle_corners import CHUNK, products
 from gpusim.surface.surface import Surface
 
 
@@ -64,7 +64,8 @@ def cull(
                     seen &= (high > least) & (low < greatest)
                 sizes.append(np.subtract(high, low, out=high))
         else:
-            front[part] = _facing(area()[:, part], away, corner[0]) < 0.0
+            from_eye = [np.take(column, corner[0], mode="clip") for column in away]
+            front[part] = products(area()[:, part], from_eye) < 0.0
             seen = (sides[corner[0]] & sides[corner[1]] & sides[corner[2]]) == 0
             seen &= ahead[corner[0]] | ahead[corner[1]] | ahead[corner[2]]
             sizes = []
@@ -75,15 +76,6 @@ def cull(
             most = max(most, float((size if every else size * seen).max()))
         keep[part] = seen
     return Culled(front, keep, most)
-
-
-def _facing(area: Float, away: list[Float], corner: Long) -> Float:
-    """(n,): scalar products of normals (3, n) with where their triangles' corners are from the eye;
-    ``away``: of all vertices, by axis."""
-    result: Float = area[0] * np.take(away[0], corner, mode="clip")
-    for normal, column in zip(area[1:], away[1:], strict=True):
-        result += normal * np.take(column, corner, mode="clip")
-    return result
 
 
 def _sides(ideal: Float, ahead: Bool, screen: ImagePlane) -> npt.NDArray[np.uint8]:

@@ -21,6 +21,7 @@ from gpusim.optics.geometry.clipping import (
     ClippedTriangles,
     ImagePlane,
     extent,
+    twice_area,
     without_area,
 )
 from gpusim.optics.geometry.triangle_corners import CHUNK, at_corners
@@ -137,15 +138,9 @@ def whole_triangles(
             if bent:
                 seen &= (high > screen.image[0][axis]) & (low < screen.image[1][axis])
         if bent:
-            seen &= _twice_area(*straight) * _twice_area(*through_lens) > 0.0
+            seen &= twice_area(*straight) * twice_area(*through_lens) > 0.0
         done[part] = size <= np.where(triangles.shows[part].any(axis=1), limits[1], limits[0])
         done[part] &= ~crossing[part]
         drawn[part] = seen & done[part]
         extent = max(extent, float((size * drawn[part]).max()))
     return triangles.some(drawn, place, extent), done
-
-
-def _twice_area(x: list[Float], y: list[Float]) -> Float:
-    result: Float
-    result = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])
-    return result

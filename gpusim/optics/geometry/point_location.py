@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from gpusim.arrays.array_types import Float, Long
-from gpusim.arrays.ragged import batches, cells_of_boxes, expand
+from gpusim.arrays.ragged import batches, expand
 from gpusim.optics.geometry.view import View
 
 _CELLS = 3.0, 64.0
@@ -49,9 +49,10 @@ class PointLocation:
         end = np.floor((high - self._low) / self._cell)
         inside = np.flatnonzero(((end >= 0) & (begin <= last)).all(axis=1))
         begin = np.clip(begin[inside], 0, last).astype(np.int64)
-        stop = np.clip(end[inside], 0, last).astype(np.int64) + 1
-        owner, place = cells_of_boxes(begin, stop)
-        cell = place[:, 1] * self._shape[0] + place[:, 0]
+        wide, tall = (np.clip(end[inside], 0, last).astype(np.int64) - begin + 1).T
+        owner, place = expand(wide * tall)
+        row, column = np.divmod(place, wide[owner])
+        cell = (begin[owner, 1] + row) * self._shape[0] + begin[owner, 0] + column
         order = np.argsort(cell, kind="stable")
         first = np.zeros(int(np.prod(self._shape)) + 1, np.int64)
         np.cumsum(np.bincount(cell, minlength=len(first) - 1), out=first[1:])
