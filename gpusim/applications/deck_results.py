@@ -11,6 +11,7 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.deck import Deck
 from gpusim.fem import Buckling, HarmonicResponse, History, Modes
+from gpusim.fem.model.computation import Computation
 from gpusim.fem.model.history import Superposition
 
 Fields = dict[str, Any]
@@ -76,7 +77,7 @@ def summary(result: Any, deck: Deck) -> Fields:
 
 @summary.register
 def _(result: Modes, deck: Deck) -> Fields:
-    return _found(result) | {
+    return _of_eigenvalues(result) | {
         "kind": "modes",
         "frequencies": result.frequencies.tolist(),
         "effective_mass": result.effective_mass.tolist(),
@@ -86,33 +87,31 @@ def _(result: Modes, deck: Deck) -> Fields:
 
 @summary.register
 def _(result: Buckling, deck: Deck) -> Fields:
-    return _found(result) | {"kind": "buckling", "factors": result.factors.tolist()}
+    return _of_eigenvalues(result) | {"kind": "buckling", "factors": result.factors.tolist()}
 
 
 @summary.register
 def _(result: History, deck: Deck) -> Fields:
     k, largest = _largest(deck, (result.u[k] for k in range(len(result.times))))
     told = {"instants": len(result.times), "at_time": float(result.times[k])}
-    how = {"method": result.method, "message": result.message}
-    return {"kind": "history", "converged": True} | largest | told | how
+    return {"kind": "history"} | _how(result) | largest | told
 
 
 @summary.register
 def _(result: HarmonicResponse, deck: Deck) -> Fields:
     k, largest = _largest(deck, _responses(result))
     at = {"frequencies": result.frequencies.tolist(), "at_frequency": float(result.frequencies[k])}
-    return {"kind": "harmonic response", "converged": True, "message": ""} | largest | at
+    return {"kind": "harmonic response"} | _how(result) | largest | at
 
 
-def _found(result: Modes | Buckling) -> Fields:
-    """Of an eigenvalue problem."""
-    return {
-        "error_estimate": float(result.error_estimate.max(initial=0.0)),
-        "converged": result.converged,
-        "message": result.message,
-        "unknowns": result.unknowns,
-        "method": result.method,
-    }
+def _how(result: Computation) -> Fields:
+    """How it went."""
+    names = ("converged", "message", "unknowns", "method")
+    return {name: getattr(result, name) for name in names}
+
+
+def _of_eigenvalues(result: Modes | Buckling) -> Fields:
+    return _how(result) | {"error_estimate": float(result.error_estimate.max(initial=0.0))}
 
 
 def _responses(result: HarmonicResponse) -> Iterator[Float]:

@@ -224,7 +224,8 @@ def _tangent(
     if solution.steps:
         assembled = equation.linearised(u, factors).assembled
     else:
-        # that of the displaced body would have parts of second order, which nothing balances
+        # that of the displaced body would have parts of second order, which nothing balances; its
+        # sum over elements isn't asked for
         stress = Shift(GeometricStiffness(model, formulation, u, factors), csr_matrix((0, 0)), 1.0)
         forces = [np.zeros((*one.cells.shape, 3)) for one in equation.responses]
         material = equation.elements(u, Want.MATERIAL, forces)
