@@ -8,7 +8,6 @@ from gpusim.arrays.array_types import Float
 from gpusim.fem.assembly.assembly import Assembled
 from gpusim.fem.assembly.system import System
 from gpusim.fem.direct_solvers.iterative_refinement import refine
-from gpusim.fem.direct_solvers.substructuring import SubstructuredFactor
 from gpusim.fem.krylov.cg import Preconditioner
 from gpusim.fem.krylov.outer_iteration import Outcome
 from gpusim.fem.linear.solve_plan import Direct, Options
@@ -35,9 +34,8 @@ class DirectSolver(Preconditioner):
         return self._factor.apply(r)
 
     def invert(self) -> None:
-        """Make hundreds of solutions cheaper, one after the other, where that can be done."""
-        if isinstance(self._factor, SubstructuredFactor):
-            self._factor.invert()
+        """Make hundreds of solutions cheaper, one after the other."""
+        self._factor.invert()
 
     def solve(self, system: System, options: Options) -> Outcome:
         """Displacements under the loads of the system, to the error that is asked for."""
