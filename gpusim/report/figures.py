@@ -103,9 +103,10 @@ def _label_curves(axes: Axes, curves: Sequence[Series]) -> None:
         apart = np.abs(np.delete(values, k, axis=0) - values[k]).min(axis=0)
         if one.label and np.isfinite(apart).any():
             at = int(np.nanargmax(apart))
+            side = "left" if one.x[at] < one.x.mean() else "right"
             axes.annotate(
                 one.label, (one.x[at], one.y_truth[at]), (0, 10), textcoords="offset points",
-                ha="center", fontsize="small", color=TEXT,
+                ha=side, fontsize="small", color=TEXT,
                 bbox={"facecolor": PAGE, "edgecolor": "none", "alpha": 0.7, "pad": 1.0},
             )  # fmt: skip
 

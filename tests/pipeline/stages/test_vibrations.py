@@ -85,8 +85,9 @@ def test_what_an_exposure_takes_for_the_place(modal: Scene) -> None:
 def test_a_blurred_motion_is_named_as_the_cause(tmp_path: Path) -> None:
     """143 Hz: the first bending mode is a fifth of a period on the way in 1.5 ms."""
     camera = {**DOCUMENT["camera"][0], "shutter": {"exposure_ms": 1.5}}
-    scene = scene_of({"type": "modal", "count": 2, "modes": [1], "phases": 1, "amplitude_mm": 1.0},
-                     {**BODY, "load": []}, camera=[camera], measure=DOCUMENT["measure"])  # fmt: skip
+    shape = {"type": "modal", "count": 2, "modes": [1], "phases": 1, "amplitude_mm": 1.0}
+    body = {**BODY, "load": []}
+    scene = scene_of(shape, body, camera=[camera], measure=DOCUMENT["measure"])
     report = gs.run(scene, tmp_path / "out", backend="numpy")
     (tip,) = [one for one in report.measurements if one.name.endswith(", -z")]
     rate = report.modes[0]["frequency_Hz"]
