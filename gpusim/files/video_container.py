@@ -101,29 +101,32 @@ class _Decoder:
     def recording(self) -> Recording:
         """Times as the file has them, and what is to be said of it."""
         count, notes, guess = len(self.stamps), [], ""
+        tags = self.container.metadata
         rate = float(self.stream.average_rate or 25)
         unit = float(self.stream.time_base) if self.stamped else 1.0 / rate
         times: Float = self.stamps.astype(np.float64) * unit
         even = times[0] + np.arange(count) / rate
         if (np.abs(times - even) <= unit).all():  # Matroska's stamps have whole milliseconds
             times = even
-        if self.broken or times[-1] - times[0] + _END / rate < self._duration():
-            due = self.stream.frames or round(self._duration() * rate)
+        span = times[-1] - times[0] + _END / rate
+        due = round(self._duration() * rate)
+        if self.broken or span < self._duration() or (RATE_TAG in tags and count < due):
             notes.append(f"{self.path}: is damaged or cut off: {count} frames of {due}")
         if self.damaged.any():
             few = ", ".join(map(str, 1 + np.flatnonzero(self.damaged)[:_FEW]))
             notes.append(f"{self.path}: {self.damaged.sum()} frames are damaged: {few}")
-        tags = self.container.metadata
+        numbers = None
         if RATE_TAG in tags:
             with self._reading(f"tags {RATE_TAG} and {START_TAG}"):
                 taken, start = float(tags[RATE_TAG]), float(tags.get(START_TAG, 0.0))
                 if not (0.0 < taken < np.inf and np.isfinite(start)):
                     raise ValueError(f"{taken} and {start}")
-            times = start + np.arange(count) / taken
+            numbers = np.rint(times * rate).astype(np.int64)
+            times = start + numbers / taken
         elif not self.stamped or "avi" in self.container.format.name:
             times -= times[0]
             guess = f"{self.path}: times are guessed: {rate:.6g} frames a second"
-        return Recording(self.frame, times, guess, tuple(notes))
+        return Recording(self.frame, times, guess, tuple(notes), numbers)
 
     def _duration(self) -> float:
         """Of the pictures, s, as the file says; 0 if it doesn't, or of sound and pictures alike."""

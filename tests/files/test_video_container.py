@@ -141,6 +141,23 @@ def test_of_a_cut_file_the_whole_frames_are_there(tmp_path: Path) -> None:
     np.testing.assert_array_equal(list(video), NOISE[: len(video)])
 
 
+def test_a_lost_frame_moves_no_others_time(tmp_path: Path) -> None:
+    path = gs.write_video(tmp_path / "film.mkv", NOISE, times=1.0 + np.arange(COUNT) / 100)
+    with av.open(str(path)) as container:
+        packets = [bytes(one) for one in container.demux(video=0) if one.size]
+    data = bytearray(path.read_bytes())
+    block = data.find(packets[3]) - 4  # its track, time and flags
+    data[block] ^= 2  # of another track
+    path.write_bytes(data)
+    for _ in range(2):
+        video = gs.read_video(path)
+        kept = [k for k in range(COUNT) if k != 3]
+        np.testing.assert_array_equal(list(video), [NOISE[k] for k in kept])
+        np.testing.assert_allclose(video.times, 1.0 + np.array(kept) / 100, atol=1e-12)
+        assert "8 frames of 9" in video.notes[0]
+        (tmp_path / "film.times.csv").unlink(missing_ok=True)
+
+
 def test_times_are_those_of_the_camera_where_a_film_is_slowed(tmp_path: Path) -> None:
     path = gs.write_video(tmp_path / "film.mkv", NOISE, times=3.0 + np.arange(COUNT) / 20000)
     (tmp_path / "film.times.csv").unlink()
