@@ -140,7 +140,7 @@ class PhotronWriter:
     def finish(self, times: Sequence[float]) -> None:
         height, width, *channels = self.take.image.shape
         entries = {
-            "Record Rate(fps)": repr(self.take.rate),
+            "Record Rate(fps)": f"{self.take.rate:.15g}",
             "Total Frame": len(times),
             "Original Total Frame": len(times),
             "Start Frame": round(self.take.time * self.take.rate),
