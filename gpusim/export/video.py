@@ -11,8 +11,7 @@ from contextlib import ExitStack
 from functools import partial
 from itertools import zip_longest
 from pathlib import Path
-from types import TracebackType
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -136,16 +135,11 @@ class VideoSink:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if error is None:
-            self.close()
+    def __exit__(self, *error: Any) -> None:
+        if any(error):
+            self._stack.__exit__(*error)
         else:
-            self._stack.__exit__(kind, error, trace)
+            self.close()
 
     def _begun(self, image: Image, time: float) -> Writer:
         picture = image.ndim == 2 or image.shape[2:] == (3,)
