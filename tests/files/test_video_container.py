@@ -207,6 +207,32 @@ def test_a_size_of_which_no_memory_is_asked_for(name: str, codec: str, tmp_path:
 
 
 @pytest.mark.parametrize(
+    ("name", "table", "place"), [("film.mov", b"stsz", 12), ("film.mp4", b"trun", 8)]
+)
+def test_a_table_of_more_frames_than_bytes_is_refused(
+    name: str, table: bytes, place: int, tmp_path: Path
+) -> None:
+    """FFmpeg would make 24 bytes of each of them."""
+    options = {"movflags": "frag_keyframe+empty_moov"} if table == b"trun" else {}
+    path = tmp_path / name
+    with av.open(str(path), "w", options=options) as container:
+        stream: Any = container.add_stream("png", rate=50)
+        stream.width, stream.height, stream.pix_fmt = 66, 57, "gray"
+        for number, wave in enumerate(WAVES):
+            frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(wave), format="gray")
+            frame.pts = number
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    assert len(gs.read_video(path)) == COUNT
+    data = bytearray(path.read_bytes())
+    at = data.find(table) + place
+    data[at : at + 4] = b"\x01\0\0\0"
+    path.write_bytes(data)
+    with pytest.raises(InputError, match="16777216 frames; expected fewer than bytes"):
+        gs.read_video(path)
+
+
+@pytest.mark.parametrize(
     "text", ["", "no film", "#EXTM3U\n#EXTINF:9,\nfile:///etc/passwd\n", "ffconcat version 1.0\n"]
 )
 def test_what_is_no_film_is_refused(text: str, tmp_path: Path) -> None:
