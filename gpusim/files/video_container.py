@@ -131,7 +131,7 @@ class _Decoder:
         unit = float(self.stream.time_base) if self.stamped else 1.0 / rate
         times: Float = self.stamps.astype(np.float64) * unit
         even = times[0] + np.arange(count) / rate
-        if (np.abs(times - even) <= unit).all():  # Matroska's stamps have whole milliseconds
+        if (np.abs(times - even) <= min(unit, 0.5 / rate)).all():  # Matroska has milliseconds
             times = even
         span = times[-1] - times[0] + _END / rate
         due = round(self._duration() * rate)
