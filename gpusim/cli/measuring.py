@@ -44,11 +44,11 @@ class Format(StrEnum):
 
 
 Reference = Annotated[
-    Path, typer.Argument(metavar="REF", help="The picture before; page 1 of a stack: FILE.tif#1.")
+    Path, typer.Argument(metavar="REF", help="The picture before; of a stack or video: FILE#1.")
 ]
 Deformed = Annotated[
     list[Path] | None,
-    typer.Argument(metavar="DEF...", help="Pictures after it; a TIFF stack: all its pages."),
+    typer.Argument(metavar="DEF...", help="Pictures after it; of a stack or video all."),
 ]
 Advise = Annotated[
     bool, typer.Option("--advise", help="Find settings for REF; DEF: another still, for its noise.")
@@ -120,6 +120,8 @@ def dic(
     """Measure how pictures moved against the first one: displacement and strain (DIC).
 
     gpusim dic ref.tif load_*.tif -o out --subset 31 --step 10
+
+    gpusim dic film.mkv#1 film.mkv -o out
 
     gpusim dic ref.tif load_*.tif -o out --calibration camera.yml     (in px without distortion)
 

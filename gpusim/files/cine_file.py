@@ -7,7 +7,6 @@ one has the times, and a table of where each frame stands. All numbers are littl
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -16,8 +15,8 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError, require
 from gpusim.files.input_file import open_input
-from gpusim.files.packed_pixels import packed_size, pixels_of
 from gpusim.files.picture_file import LARGEST
+from gpusim.files.raw_frames import RawFrames, frame_bytes
 from gpusim.files.recording import Image, Recording
 
 _PACKED = {256: 10, 1024: 12}
@@ -29,36 +28,6 @@ _TIMES = 1002
 """The tag of their block."""
 _SECOND = 2.0**32
 _MOST_BLOCKS = 1000
-_NOTE = 8  # bytes at least, before a frame's pixels
-
-
-@dataclass(frozen=True)
-class _Frames:
-    """Where frames stand, and how their pixels are stored."""
-
-    path: Path
-    offsets: npt.NDArray[np.int64]
-    shape: tuple[int, ...]
-    bits: int
-    bottom_up: bool
-
-    @property
-    def size(self) -> int:
-        """Bytes of the pixels of a frame."""
-        return packed_size(int(np.prod(self.shape)), self.bits)
-
-    def __getitem__(self, number: int) -> Image:
-        offset = int(self.offsets[number])
-        with open_input(self.path, "a recording") as stream:
-            (before,) = _numbers(stream, offset, "I")  # notes, which say their own length
-            stream.seek(offset + before)
-            data = np.frombuffer(stream.read(self.size), np.uint8)
-        got = f"{len(data)} bytes"
-        where = f"video: {self.path}: frame {number + 1}: damaged"
-        require(len(data) == self.size, where, got, f"{self.size}")
-        image = pixels_of(data, self.bits)[: int(np.prod(self.shape))].reshape(self.shape)
-        image = image[::-1] if self.bottom_up else image
-        return np.ascontiguousarray(image[..., ::-1] if image.ndim == 3 else image)
 
 
 def read_cine(path: Path) -> Recording:
@@ -85,12 +54,8 @@ def _recording(path: Path, stream: BinaryIO) -> Recording:
     color = pixel_bits >= 24
     bits = _PACKED.get(packing, pixel_bits // 3 if color else pixel_bits)
     shape = (abs(height), width, 3) if color else (abs(height), width)
-    end = stream.seek(0, 2)
-    stream.seek(table)
-    offsets = np.frombuffer(stream.read(8 * min(count, (end - min(table, end)) // 8)), "<i8")
-    frames = _Frames(path, offsets, shape, bits, height > 0 == packing)
-    whole = np.append((offsets > 0) & (offsets <= end - frames.size - _NOTE), False)
-    there = int(np.argmin(whole))
+    starts = _starts(stream, table, count, frame_bytes(shape, bits))
+    there = len(starts)
     require(there > 0, where, f"no whole frame of {count}", "at least one")
     notes = [f"{path}: is cut off: {there} frames of {count}"] if there < count else []
     (mosaic,) = _numbers(stream, settings + _MOSAIC, "I")
@@ -105,7 +70,31 @@ def _recording(path: Path, stream: BinaryIO) -> Recording:
         require(rate > 0, where, "neither times nor a frame rate", "one of them")
         times = (first + np.arange(there)) / rate
         guess = f"{path}: times are guessed: {rate} frames a second"
-    return Recording(frames.__getitem__, times, guess, tuple(notes))
+    read = RawFrames(path, shape, bits, starts).frame
+    rows, channels = slice(None, None, -1 if height > 0 == packing else 1), slice(None, None, -1)
+
+    def frame(number: int) -> Image:
+        image = read(number)[rows]  # a bitmap's begin at the bottom, with blue first
+        return np.ascontiguousarray(image[..., channels] if color else image)
+
+    return Recording(frame, times, guess, tuple(notes))
+
+
+def _starts(stream: BinaryIO, table: int, count: int, size: int) -> npt.NDArray[np.int64]:
+    """Where the pixels of frames begin, after notes that say their own length; of those before the
+    first that isn't in the file as a whole."""
+    end = stream.seek(0, 2)
+    starts: list[int] = []
+    for number in range(min(count, end // 8)):
+        try:
+            (offset,) = _numbers(stream, table + 8 * number, "Q")
+            (before,) = _numbers(stream, min(offset, end), "I")
+        except struct.error:
+            break
+        if offset + before + size > end:
+            break
+        starts.append(offset + before)
+    return np.array(starts, np.int64)
 
 
 def _clock(stream: BinaryIO, settings: int, end: int, count: int) -> npt.NDArray[np.uint64]:

@@ -204,14 +204,14 @@ def read_video(path: str | os.PathLike[str]) -> FrameSource:
     file, page = picture_file(path)
     read = VIDEOS.get(file.suffix.lower())
     if read is None or file.is_dir():
-        times = read_times(file, len(paths)) if page is None else None
+        times = read_times(file, np.arange(len(paths))) if page is None else None
         names, frames = [str(one) for one in paths], [partial(read_stored, one) for one in paths]
         return FrameSource(frames, names, np.full(len(paths), np.nan) if times is None else times)
     found = read(file)
     count = len(found.times)
     names = [f"{file}#{number + 1}" for number in range(count)]
     frames = [partial(found.frame, number) for number in range(count)]
-    written = read_times(file, count)
+    written = read_times(file, np.arange(count) if found.numbers is None else found.numbers)
     times, guess = (found.times, found.times_guessed) if written is None else (written, "")
     video = FrameSource(frames, names, times, guess, found.notes)
     if page is None:

@@ -6,10 +6,8 @@ What belongs to a header lies beside it and has its name, so that it can't lead 
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 from xml.etree import ElementTree
@@ -18,8 +16,8 @@ import numpy as np
 
 from gpusim.errors import InputError, require
 from gpusim.files.input_file import open_input
-from gpusim.files.packed_pixels import PACKED, WHOLE, packed_size, pixels_of
 from gpusim.files.picture_file import LARGEST, read_stored
+from gpusim.files.raw_frames import BITS, RawFrames, frame_bytes
 from gpusim.files.recording import Image, Recording
 
 PHOTRON = (".cih", ".cihx", ".mraw")
@@ -42,28 +40,6 @@ Number = TypeVar("Number", int, float)
 _PICTURES = {"png": (".png",), "tif": (".tif", ".tiff"), "tiff": (".tif", ".tiff")}
 
 
-@dataclass(frozen=True)
-class _Mraw:
-    """Frames one after the other, ``bits`` a channel, of which the lowest ``unused`` are empty."""
-
-    path: Path
-    shape: tuple[int, ...]
-    bits: int
-    unused: int
-
-    @property
-    def size(self) -> int:
-        """Bytes of a frame."""
-        return packed_size(math.prod(self.shape), self.bits)
-
-    def frame(self, number: int) -> Image:
-        data = np.fromfile(self.path, np.uint8, self.size, offset=number * self.size)
-        got, expected = f"{len(data)} bytes", f"{self.size}: the file was changed"
-        require(len(data) == self.size, f"video: {self.path}: frame {number + 1}", got, expected)
-        numbers = pixels_of(data, self.bits)[: math.prod(self.shape)]
-        return numbers.reshape(self.shape) >> self.unused
-
-
 def read_photron(path: Path) -> Recording:
     """The recording of a .cih, .cihx or .mraw. Raises InputError for what can't be true."""
     if path.suffix.lower() == ".mraw":
@@ -81,24 +57,25 @@ def read_photron(path: Path) -> Recording:
     channels = 3 if header.text("Color Type", "mono") == "color" else 1
     bits, rest = divmod(header.number(int, "Color Bit", 8, 48), channels)
     got, expected = f"{bits} bits of {channels} channels", "8, 10, 12 or 16"
-    require(not rest and bits in (*WHOLE, *PACKED), f"video: {path}", got, expected)
+    require(not rest and bits in BITS, f"video: {path}", got, expected)
     higher = header.text("EffectiveBit Side", "lower") == "higher"
     unused = bits - header.number(int, "EffectiveBit Depth", 1, bits) if higher else 0
     kind = header.text("File Format", "")
-    frame: Callable[[int], Image]
+    read: Callable[[int], Image]
     if kind == "mraw":
         shape = (height, width, 3) if channels == 3 else (height, width)
-        mraw = _Mraw(path.with_suffix(".mraw"), shape, bits, unused)
-        with open_input(mraw.path, f"the frames of {path.name}") as stream:
-            there, frame = stream.seek(0, 2) // mraw.size, mraw.frame
+        data, size = path.with_suffix(".mraw"), frame_bytes(shape, bits)
+        with open_input(data, f"the frames of {path.name}") as stream:
+            there = stream.seek(0, 2) // size
+        read = RawFrames(data, shape, bits, size * np.arange(there)).frame
     else:
         require(kind in _PICTURES, f"video: {path}", f"frames as {kind!r}", "mraw, png or tiff")
         files = _numbered(path, _PICTURES[kind])
-        there, frame = len(files), lambda number: read_stored(files[number]) >> unused
+        there, read = len(files), lambda number: read_stored(files[number])
     require(there > 0, f"video: {path}", f"no whole frame of {count}", "at least one")
     notes = (f"{path}: is cut off: {there} frames of {count}",) if there < count else ()
     times = (start + step * np.arange(min(there, count))) / rate
-    return Recording(frame, times, notes=notes)
+    return Recording(lambda number: read(number) >> unused, times, notes=notes)
 
 
 def _numbered(header: Path, suffixes: tuple[str, ...]) -> list[Path]:

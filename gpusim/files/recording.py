@@ -35,12 +35,14 @@ class Recording:
     times : (N,) when each was taken, s.
     times_guessed : how times were guessed; "" if the file says when frames were taken.
     notes : what else a user has to know of the file: that it is cut off.
+    numbers : (N,) of each frame when it was written, where some in between may be lost.
     """
 
     frame: Callable[[int], Image]
     times: Float
     times_guessed: str = ""
     notes: tuple[str, ...] = ()
+    numbers: npt.NDArray[np.int64] | None = None
 
 
 def times_file(path: Path) -> Path:
@@ -54,8 +56,8 @@ def write_times(path: Path, times: Sequence[float], line_time: float = 0.0) -> P
     return write_text(times_file(path), "\n".join([",".join(COLUMNS), *rows]) + "\n")
 
 
-def read_times(path: Path, count: int) -> Float | None:
-    """The times (count,) that a table beside ``path`` gives; None without such a table.
+def read_times(path: Path, numbers: npt.NDArray[np.int64]) -> Float | None:
+    """The times of frames that a table beside ``path`` gives; None without such a table.
 
     Raises InputError for a damaged table, or one of fewer frames; of a video that was cut off it
     has more.
@@ -67,9 +69,10 @@ def read_times(path: Path, count: int) -> Float | None:
     if not table or tuple(table[0]) != COLUMNS:
         return None  # somebody else's
     got = f"{len(table) - 1} rows"
+    count = int(numbers.max()) + 1
     require(len(table) > count, f"{file}", got, f"{count}, one a frame of {path.name}")
     try:
-        times = np.array([float(row[1]) for row in table[1 : count + 1]])
+        times = np.array([float(table[1 + number][1]) for number in numbers.tolist()])
         if np.isfinite(times).all() and (np.diff(times) > 0).all():
             return times
     except (ValueError, IndexError):

@@ -7,6 +7,7 @@ for: one after the other goes on where the decoder stands, any other begins at i
 
 from __future__ import annotations
 
+import re
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -29,6 +30,9 @@ RATE_TAG = "FRAME_RATE_HZ"
 START_TAG = "START_TIME_S"
 _FORMATS = "avi,matroska,webm,mov,mp4,m4a,3gp,3g2,mj2"
 """No list of other files or addresses (HLS, concat) is followed, whatever a file's bytes say."""
+_MOST_BOXES = 1_000_000
+_COUNTS = re.compile(rb"(?:stsz|stz2).{8}(.{4})|trun.{4}(.{4})", re.DOTALL)
+"""The number of samples in an MP4, and in a fragment of it."""
 _END = 1.5  # frames: what the last one may end before the file
 _FEW, _ONES = 10, 0xFFFFFFFF
 _MIRRORED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
@@ -36,8 +40,29 @@ _MIRRORED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 def read_container(path: Path) -> Recording:
     """The recording in a container. Raises InputError for no video, a damaged or too large one."""
-    open_input(path, "a video").close()  # no pipe, no folder
+    _check_samples(path)
     return _Decoder(path).recording()
+
+
+def _check_samples(path: Path) -> None:
+    """Refuse an MP4 whose tables claim more frames than it has bytes: 20 bytes may claim a
+    milliard, of each of which FFmpeg keeps 24."""
+    with open_input(path, "a video") as stream:
+        end, at = stream.seek(0, 2), 0
+        for _ in range(_MOST_BOXES):
+            stream.seek(at)
+            head = stream.read(16)
+            size = int.from_bytes(head[:4], "big")
+            size = int.from_bytes(head[8:], "big") if size == 1 else size or end
+            if head[4:8] in (b"moov", b"moof"):
+                stream.seek(at)
+                for found in _COUNTS.finditer(stream.read(min(size, end))):
+                    count = int.from_bytes(found[1] or found[2], "big")
+                    require(count <= end, f"video: {path}", f"{count} frames", "fewer than bytes")
+            at += max(size, 8)
+            if at >= end:
+                return
+    raise InputError(f"video: {path}: got over {_MOST_BOXES} parts; expected fewer")
 
 
 class _Decoder:
@@ -101,29 +126,32 @@ class _Decoder:
     def recording(self) -> Recording:
         """Times as the file has them, and what is to be said of it."""
         count, notes, guess = len(self.stamps), [], ""
+        tags = self.container.metadata
         rate = float(self.stream.average_rate or 25)
         unit = float(self.stream.time_base) if self.stamped else 1.0 / rate
         times: Float = self.stamps.astype(np.float64) * unit
         even = times[0] + np.arange(count) / rate
-        if (np.abs(times - even) <= unit).all():  # Matroska's stamps have whole milliseconds
+        if (np.abs(times - even) <= min(unit, 0.5 / rate)).all():  # Matroska has milliseconds
             times = even
-        if self.broken or times[-1] - times[0] + _END / rate < self._duration():
-            due = self.stream.frames or round(self._duration() * rate)
+        span = times[-1] - times[0] + _END / rate
+        due = round(self._duration() * rate)
+        if self.broken or span < self._duration() or (RATE_TAG in tags and count < due):
             notes.append(f"{self.path}: is damaged or cut off: {count} frames of {due}")
         if self.damaged.any():
             few = ", ".join(map(str, 1 + np.flatnonzero(self.damaged)[:_FEW]))
             notes.append(f"{self.path}: {self.damaged.sum()} frames are damaged: {few}")
-        tags = self.container.metadata
+        numbers = None
         if RATE_TAG in tags:
             with self._reading(f"tags {RATE_TAG} and {START_TAG}"):
                 taken, start = float(tags[RATE_TAG]), float(tags.get(START_TAG, 0.0))
                 if not (0.0 < taken < np.inf and np.isfinite(start)):
                     raise ValueError(f"{taken} and {start}")
-            times = start + np.arange(count) / taken
+            numbers = np.rint(times * rate).astype(np.int64)
+            times = start + numbers / taken
         elif not self.stamped or "avi" in self.container.format.name:
             times -= times[0]
             guess = f"{self.path}: times are guessed: {rate:.6g} frames a second"
-        return Recording(self.frame, times, guess, tuple(notes))
+        return Recording(self.frame, times, guess, tuple(notes), numbers)
 
     def _duration(self) -> float:
         """Of the pictures, s, as the file says; 0 if it doesn't, or of sound and pictures alike."""

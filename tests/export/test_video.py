@@ -56,6 +56,15 @@ def test_previews_show_the_upper_bits(name: str, pixels: str, tmp_path: Path) ->
     assert shown[0].shape == ((57, 33) if name == "film.gif" else (58, 34))
 
 
+def test_a_sink_takes_growing_times_alone(tmp_path: Path) -> None:
+    for time in (0.5, np.nan):
+        with pytest.raises(InputError, match=f"frame 1; got time {time} s; expected a later"):
+            with VideoSink(tmp_path / "film.mkv", 10.0) as sink:
+                sink.append(np.zeros((9, 7), np.uint8), 0.5)
+                sink.append(np.zeros((9, 7), np.uint8), time)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_frames_are_made_when_they_are_asked_for(tmp_path: Path) -> None:
     made = []
 
@@ -115,8 +124,9 @@ ONE = np.zeros((9, 7), np.uint8)
         ({"frames": [ONE[0]]}, r"shape \(7,\)"),
         ({"frames": [np.full((9, 7), 5000, np.uint16)], "bits": 12}, "5000; expected at most 4095"),
         ({"bits": 11}, "bits; got 11; expected one of"),
-        ({"times": [0.0, 0.0]}, "frame 1; got time 0.0 s; expected a later one"),
-        ({"times": [0.0, np.nan]}, "frame 1; got time nan s"),
+        ({"times": [0.0, 0.0], "frame_rate": None}, "times; got some that aren't after others"),
+        ({"times": [0.0, np.nan]}, "times; got some that aren't after others"),
+        ({"frames": gs.read_frames([ONE]), "frame_rate": None}, "expected growing times, s"),
         ({"times": [0.0]}, "times: got 1; expected 2, one a frame"),
         ({"frame_rate": None}, "neither; expected `times` or `frame_rate`"),
         ({"frame_rate": 0.0}, "frame_rate"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -26,13 +26,21 @@ WAVES = [
 NOISE = [RNG.integers(0, 4096, (57, 33)).astype(np.uint16) for _ in range(COUNT)]
 
 
-def encoded(path: Path, codec: str, pixels: str, options: Mapping[str, str] = {}) -> Path:
-    """A video by FFmpeg alone, 50 frames a second; H.264 takes even sides."""
+def encoded(
+    path: Path,
+    codec: str,
+    pixels: str,
+    options: Mapping[str, str] = {},
+    shown: Sequence[int] = range(COUNT),
+    rate: int = 50,
+    **container_options: str,
+) -> Path:
+    """A video by FFmpeg alone, its frames shown at ``shown`` / ``rate``; H.264 takes even sides."""
     rows = 57 if pixels == "gray" else 56
-    with av.open(str(path), "w") as container:
-        stream: Any = container.add_stream(codec, rate=50, options=dict(options))
+    with av.open(str(path), "w", options=container_options) as container:
+        stream: Any = container.add_stream(codec, rate=rate, options=dict(options))
         stream.width, stream.height, stream.pix_fmt = 66, rows, pixels
-        for number, wave in enumerate(WAVES):
+        for number, wave in zip(shown, WAVES, strict=True):
             frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(wave[:rows]), format="gray")
             frame = frame.reformat(format=pixels)
             frame.pts = number
@@ -141,6 +149,23 @@ def test_of_a_cut_file_the_whole_frames_are_there(tmp_path: Path) -> None:
     np.testing.assert_array_equal(list(video), NOISE[: len(video)])
 
 
+def test_a_lost_frame_moves_no_others_time(tmp_path: Path) -> None:
+    path = gs.write_video(tmp_path / "film.mkv", NOISE, times=1.0 + np.arange(COUNT) / 100)
+    with av.open(str(path)) as container:
+        packets = [bytes(one) for one in container.demux(video=0) if one.size]
+    data = bytearray(path.read_bytes())
+    block = data.find(packets[3]) - 4  # its track, time and flags
+    data[block] ^= 2  # of another track
+    path.write_bytes(data)
+    for _ in range(2):
+        video = gs.read_video(path)
+        kept = [k for k in range(COUNT) if k != 3]
+        np.testing.assert_array_equal(list(video), [NOISE[k] for k in kept])
+        np.testing.assert_allclose(video.times, 1.0 + np.array(kept) / 100, atol=1e-12)
+        assert "8 frames of 9" in video.notes[0]
+        (tmp_path / "film.times.csv").unlink(missing_ok=True)
+
+
 def test_times_are_those_of_the_camera_where_a_film_is_slowed(tmp_path: Path) -> None:
     path = gs.write_video(tmp_path / "film.mkv", NOISE, times=3.0 + np.arange(COUNT) / 20000)
     (tmp_path / "film.times.csv").unlink()
@@ -150,21 +175,20 @@ def test_times_are_those_of_the_camera_where_a_film_is_slowed(tmp_path: Path) ->
         assert container.streams.video[0].average_rate == 25
 
 
-def test_milliseconds_of_a_steady_film_are_no_jitter(tmp_path: Path) -> None:
-    path = tmp_path / "film.mkv"
-    for steady in (True, False):
-        with av.open(str(path), "w") as container:
-            stream: Any = container.add_stream("ffv1", rate=60)
-            stream.width, stream.height, stream.pix_fmt = 66, 57, "gray"
-            for number, wave in enumerate(WAVES):
-                frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(wave), format="gray")
-                frame.pts = number if steady else number * 2 - number % 2
-                container.mux(stream.encode(frame))
-            container.mux(stream.encode())
-        shown = np.arange(COUNT) if steady else 2 * np.arange(COUNT) - np.arange(COUNT) % 2
-        atol = 1e-12 if steady else 0.0006
-        np.testing.assert_allclose(gs.read_video(path).times, shown / 60, atol=atol)
-        assert gs.read_video(path).notes == ()
+@pytest.mark.parametrize("shown", [range(COUNT), [0, 1, 4, 5, 8, 9, 12, 13, 16]])
+def test_milliseconds_of_a_steady_film_are_no_jitter(shown: Any, tmp_path: Path) -> None:
+    video = gs.read_video(encoded(tmp_path / "film.mkv", "ffv1", "gray", shown=shown, rate=60))
+    atol = 1e-12 if shown == range(COUNT) else 0.0006
+    np.testing.assert_allclose(video.times, np.array(shown) / 60, atol=atol)
+    assert video.notes == ()
+
+
+def test_a_frame_that_an_avi_leaves_out_moves_no_others_time(tmp_path: Path) -> None:
+    shown = [0, 1, 2, 4, 5, 6, 7, 8, 9]
+    video = gs.read_video(encoded(tmp_path / "film.avi", "ffv1", "gray", shown=shown))
+    np.testing.assert_allclose(video.times, np.array(shown) / 50, atol=1e-12)
+    np.testing.assert_array_equal(list(video), WAVES)
+    assert video.times_guessed.endswith("50 frames a second")
 
 
 def muxed(path: Path, codec: str, width: int, height: int, data: bytes) -> Path:
@@ -187,6 +211,24 @@ def test_a_size_of_which_no_memory_is_asked_for(name: str, codec: str, tmp_path:
     path = muxed(tmp_path / name, codec, 65535, 65535, b"\x10" * 999)
     with pytest.raises(InputError, match=f"video: {path}"):
         gs.read_video(path)[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "table", "place"), [("film.mov", b"stsz", 12), ("film.mp4", b"trun", 8)]
+)
+def test_a_table_of_more_frames_than_bytes_is_refused(
+    name: str, table: bytes, place: int, tmp_path: Path
+) -> None:
+    """FFmpeg would make 24 bytes of each of them."""
+    options = {"movflags": "frag_keyframe+empty_moov"} if table == b"trun" else {}
+    path = encoded(tmp_path / name, "png", "gray", **options)
+    assert len(gs.read_video(path)) == COUNT
+    data = bytearray(path.read_bytes())
+    at = data.find(table) + place
+    data[at : at + 4] = b"\x01\0\0\0"
+    path.write_bytes(data)
+    with pytest.raises(InputError, match="16777216 frames; expected fewer than bytes"):
+        gs.read_video(path)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gpusim.files.packed_pixels import packed_size, pixels_of
+from gpusim.files.raw_frames import frame_bytes, pixels_of
 from tests.support.cine_bytes import packed
 
 
@@ -14,7 +14,7 @@ from tests.support.cine_bytes import packed
 def test_packed_numbers_are_unpacked(bits: int, count: int) -> None:
     numbers = np.random.default_rng(count).integers(0, 1 << bits, count)
     data = np.frombuffer(packed(numbers, bits), np.uint8)
-    assert len(data) == packed_size(count, bits)
+    assert len(data) == frame_bytes((count,), bits)
     np.testing.assert_array_equal(pixels_of(data, bits)[:count], numbers)
 
 
