@@ -9,6 +9,8 @@ Its modules:
 - `deck_results`: What files and reports tell of modes, buckling and motion.
 - `decks`: The steps of an input deck solved.
 - `field_scene`: The scene of a displacement file alone.
+- `identification`: Modes identified in a video, and what was found written.
+- `magnification`: A video in which the motions of some frequencies are larger.
 """
 
 from gpusim.applications.advice import advise_files
@@ -16,16 +18,26 @@ from gpusim.applications.calibration import CalibrationOutput, calibrate_files
 from gpusim.applications.correlation import correlate_files, correlate_pairs
 from gpusim.applications.correlation_output import CorrelationOutput, CorrelationSettings
 from gpusim.applications.decks import DeckOutput, solve_deck
+from gpusim.applications.identification import (
+    IdentificationOutput,
+    IdentificationSettings,
+    identify_files,
+)
+from gpusim.applications.magnification import magnify_files
 
 __all__ = [
     "CalibrationOutput",
     "CorrelationOutput",
     "CorrelationSettings",
     "DeckOutput",
+    "IdentificationOutput",
+    "IdentificationSettings",
     "advise_files",
     "calibrate_files",
     "correlate_files",
     "correlate_pairs",
+    "identify_files",
+    "magnify_files",
     "solve_deck",
 ]
 

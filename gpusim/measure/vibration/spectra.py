@@ -44,7 +44,8 @@ def cross_spectra(responses: Float, rate_Hz: float, segment: int, blocks: int) -
     sides = np.full(segment // 2 + 1, 2.0 / rate_Hz)
     sides[[0, -1]] /= 2.0
     result *= sides[:, None, None]
-    return CrossSpectra(np.fft.rfftfreq(segment, 1.0 / rate_Hz), result, window, rate_Hz)
+    frequency: Float = np.arange(segment // 2 + 1) * (rate_Hz / segment)
+    return CrossSpectra(frequency, result, window, rate_Hz)
 
 
 def peaks(spectrum: Float, count: int, apart: int) -> list[int]:
