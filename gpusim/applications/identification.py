@@ -93,7 +93,7 @@ class IdentificationOutput:
 USUAL = IdentificationSettings()
 
 
-def _silent(stage: str, done: float, text: str) -> None:
+def silent(stage: str, done: float, text: str) -> None:
     """Show no progress."""
 
 
@@ -108,7 +108,7 @@ def identify_files(
     output: PathLike,
     settings: IdentificationSettings = USUAL,
     *,
-    progress: Progress = _silent,
+    progress: Progress = silent,
 ) -> IdentificationOutput:
     """Identify modes in a video; write tables and shapes over its first picture.
 

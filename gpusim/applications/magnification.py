@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gpusim.applications.correlation_output import Progress
-from gpusim.applications.identification import _silent, timed
+from gpusim.applications.identification import silent, timed
 from gpusim.export.video import WRITERS, VideoSink
 from gpusim.files.atomic_files import PathLike
 from gpusim.files.frame_source import Frames, FrameSource
@@ -20,7 +20,7 @@ def magnify_files(
     factor: float,
     *,
     rate_Hz: float | None = None,
-    progress: Progress = _silent,
+    progress: Progress = silent,
 ) -> Path:
     """Write a video in which motions of some frequencies are ``factor`` times as large.
 
