@@ -35,7 +35,7 @@ def magnify_files(
     Examples
     --------
     >>> film = np.full((70, 60, 80), 90, np.uint8)
-    >>> gs.applications.magnify_files(film, "large.mkv", (10, 40), 20, rate_Hz=200).name
+    >>> gs.applications.magnify_files(film, "large.mkv", (20, 40), 20, rate_Hz=200).name
     'large.mkv'
     """
     source = timed(video, rate_Hz)
