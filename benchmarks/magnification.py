@@ -2,8 +2,8 @@
 
 A random band-limited pattern moves by a sine along x, as a trigonometric polynomial does: exactly.
 `gs.measure.magnify` makes the motion larger, and Lucas-Kanade measures in its pictures how large it
-has become, against the pattern at rest. Theory: phases of a band move a detail of wavelength L by up to
-about L / 4 (Wadhwa et al. 2013, of octave bands); an octave's worth of details has many.
+has become, against the pattern at rest. Theory (Wadhwa et al. 2013, of octave bands): phases move
+a detail of wavelength L by up to about L / 4.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def lines() -> Iterable[str]:
     yield "# Amplitude of magnified motion"
     yield ""
     yield (
-        f"A sine of {DISPLACEMENT} px and {15} Hz along x, {RATE:.0f} pictures a second, band "
+        f"A sine of {DISPLACEMENT} px and 15 Hz along x, {RATE:.0f} pictures a second, band "
         f"{BAND[0]:.0f} to {BAND[1]:.0f} Hz. Error of the amplitude, of its phase, share of points "
         "that Lucas-Kanade still finds."
     )
@@ -90,13 +90,11 @@ def lines() -> Iterable[str]:
     for coarse in COARSE:
         for factor in FACTORS:
             size, phase, found = magnified(coarse, 15.0, factor)
-            error = 100 * (size / factor - 1)
-            yield (
-                f"| {factor} | {factor * DISPLACEMENT:.2f} | {coarse:.0f} px | {error:+.1f} | "
-                f"{phase:+.2f} | {100 * found:.0f} % |"
-            )
+            numbers = f"{100 * (size / factor - 1):+.1f} | {phase:+.2f}" if found else "lost | "
+            shown = f"{factor * DISPLACEMENT:.2f}"
+            yield f"| {factor} | {shown} | {coarse:.0f} px | {numbers} | {100 * found:.0f} % |"
     yield ""
-    yield "Factor 25 over frequency, pattern of 3 px; the filter is to fade to 6 Hz and to 21 Hz:"
+    yield "Factor 25 over frequency, pattern of 3 px; the filter fades to 6 Hz and to 24 Hz:"
     yield ""
     yield "| frequency Hz | magnified by | phase deg |"
     yield "|---|---|---|"
