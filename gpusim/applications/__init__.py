@@ -9,6 +9,8 @@ Its modules:
 - `deck_results`: What files and reports tell of modes, buckling and motion.
 - `decks`: The steps of an input deck solved.
 - `field_scene`: The scene of a displacement file alone.
+- `identification`: Modes identified in a video, and what was found written.
+- `magnification`: A video in which the motions of some frequencies are larger.
 """
 
 from gpusim.applications.advice import advise_files as advise_files
@@ -20,6 +22,10 @@ from gpusim.applications.correlation_output import CorrelationOutput as Correlat
 from gpusim.applications.correlation_output import CorrelationSettings as CorrelationSettings
 from gpusim.applications.decks import DeckOutput as DeckOutput
 from gpusim.applications.decks import solve_deck as solve_deck
+from gpusim.applications.identification import IdentificationOutput as IdentificationOutput
+from gpusim.applications.identification import IdentificationSettings as IdentificationSettings
+from gpusim.applications.identification import identify_files as identify_files
+from gpusim.applications.magnification import magnify_files as magnify_files
 from gpusim.public_names import public_names as _public_names
 
 __all__, __getattr__, __dir__ = _public_names(__name__)

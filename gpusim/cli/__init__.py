@@ -13,6 +13,7 @@ The other commands are below. Its modules:
 - `scene_templates`: Commented scenes made from templates.
 - `keys`: Tables and keys of the scene file, for ``gpusim schema``.
 - `measuring`: ``gpusim dic`` and ``gpusim calibrate``.
+- `vibration`: ``gpusim identify`` and ``gpusim magnify``.
 - `rendering`: ``gpusim render``.
 - `view`: ``gpusim view``.
 - `diagnosis`: ``gpusim doctor`` and ``gpusim check``.
@@ -61,6 +62,7 @@ from gpusim.cli.tables import (
     print_plan,
     print_report,
 )
+from gpusim.cli.vibration import identify, magnify
 from gpusim.cli.view import view
 from gpusim.errors import Fault, InputError, NotConverged, SceneError
 from gpusim.files.output_folder import check_folder, inside
@@ -273,6 +275,8 @@ def solve(
 
 app.command()(dic)
 app.command()(calibrate)
+app.command()(identify)
+app.command()(magnify)
 app.command()(render)
 app.command()(view)
 app.command()(init)

@@ -135,7 +135,7 @@ def dic(
             require(len(stills) <= 1, "--advise", f"{len(stills)} stills", "at most one")
             _advise(
                 reference, output, as_json, still=next(iter(stills), None), mask=mask,
-                roi=_roi(roi), noise=noise, detail_px=detail_px, peak_strain=peak_strain,
+                roi=roi_of(roi), noise=noise, detail_px=detail_px, peak_strain=peak_strain,
                 backend=backend,
             )  # fmt: skip
             return
@@ -145,7 +145,7 @@ def dic(
         with importing():
             from gpusim.applications import CorrelationSettings
         settings = CorrelationSettings(
-            subset=subset, step=step, shape=shape, roi=_roi(roi), mask=mask,
+            subset=subset, step=step, shape=shape, roi=roi_of(roi), mask=mask,
             calibration=calibration, calibration_unit=calibration_unit, update=update, start=start,
             search_px=search_px, blur_px=blur_px, min_zncc=min_zncc, apart_px=apart_px,
             tolerance=tolerance, strain=strain, strain_window=strain_window, backend=backend,
@@ -255,7 +255,7 @@ def _pairs(files: list[Path]) -> tuple[list[Path], list[Path]]:
     return files[::2], files[1::2]
 
 
-def _roi(text: str | None) -> tuple[int, int, int, int] | None:
+def roi_of(text: str | None) -> tuple[int, int, int, int] | None:
     if text is None:
         return None
     try:

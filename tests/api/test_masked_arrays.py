@@ -27,6 +27,7 @@ RESULTS = {
     "Buckling", "Calibration", "Chessboard", "Codes", "Crossings", "DeflectionLine",
     "DicResult", "Displacement3D", "Dots", "EnergyHistory", "Features", "Frame", "FrameSource",
     "HarmonicResponse", "History", "LoadStep", "MappedResult", "Markers", "Matches", "Modes",
+    "OperationalModes", "PointSeries",
     "Quality", "RandomResponse", "SampledKernel", "Sighting", "SlopeChanges", "Solution",
     "StereoResult", "StrainResult", "Stress", "TrackResult", "Triangulated", "Truth", "Update",
 }  # fmt: skip

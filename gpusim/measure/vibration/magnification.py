@@ -71,7 +71,7 @@ def magnify(
     Examples
     --------
     >>> still = gs.read_frames(np.full((70, 60, 80), 90, np.uint8))
-    >>> pictures = list(gs.measure.magnify(still, (10, 40), 20, rate_Hz=200))
+    >>> pictures = list(gs.measure.magnify(still, (20, 40), 20, rate_Hz=200))
     >>> len(pictures), pictures[0].dtype, np.unique(pictures)
     (70, dtype('uint8'), array([90], dtype=uint8))
     """

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Complex, Float
 from gpusim.field_summary import field_summary
-from gpusim.validation import require
+from gpusim.validation import checked, require
 
 
 @dataclass(frozen=True)
@@ -73,6 +73,7 @@ def distances(first: Poles, second: Poles) -> Float:
     return apart + np.maximum(1.0 - mac(first.shapes, second.shapes), 0.0)
 
 
+@checked
 def mac(first: npt.ArrayLike, second: npt.ArrayLike) -> Float:
     """Modal assurance criterion (N, M) of shapes (N, ...) with shapes (M, ...): 1 of equal ones.
 

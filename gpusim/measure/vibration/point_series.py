@@ -64,6 +64,7 @@ class PointSeries:
     __repr__ = field_summary
 
     @classmethod
+    @checked
     def of(
         cls, times: npt.ArrayLike, points: npt.ArrayLike, displacement: npt.ArrayLike
     ) -> PointSeries:

@@ -29,7 +29,7 @@ class CrossSpectra:
 def cross_spectra(responses: Float, rate_Hz: float, segment: int, blocks: int) -> CrossSpectra:
     """Of ``responses`` (T, r), by segments of some samples under Hann windows that overlap by half;
     the segments in ``blocks`` parts."""
-    window: Float = 1.0 - np.cos(2 * np.pi / segment * np.arange(segment))
+    window: Float = 1.0 - np.cos(2 * np.pi / segment * np.arange(segment, dtype=np.float64))
     window /= np.sqrt(np.square(window).sum())
     starts = np.arange(0, len(responses) - segment + 1, segment // 2)
     count = min(blocks, len(starts))
@@ -44,7 +44,8 @@ def cross_spectra(responses: Float, rate_Hz: float, segment: int, blocks: int) -
     sides = np.full(segment // 2 + 1, 2.0 / rate_Hz)
     sides[[0, -1]] /= 2.0
     result *= sides[:, None, None]
-    return CrossSpectra(np.fft.rfftfreq(segment, 1.0 / rate_Hz), result, window, rate_Hz)
+    frequency = np.arange(segment // 2 + 1, dtype=np.float64) * (rate_Hz / segment)
+    return CrossSpectra(frequency, result, window, rate_Hz)
 
 
 def peaks(spectrum: Float, count: int, apart: int) -> list[int]:

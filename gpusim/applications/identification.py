@@ -1,0 +1,261 @@
+"""Modes identified in a video, and what was found written as tables and pictures."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gpusim._version import __version__
+from gpusim.applications.correlation_output import Progress
+from gpusim.arrays.array_types import Float
+from gpusim.errors import require
+from gpusim.field_summary import field_summary
+from gpusim.files.atomic_files import PathLike, atomic_path, write_text
+from gpusim.files.frame_source import Frames, FrameSource, read_frames
+from gpusim.files.hdf5_file import writing_hdf5
+from gpusim.files.output_folder import claim, inside
+from gpusim.measure import OperationalModes, PointSeries, grid_points, identify_modes, point_series
+from gpusim.measure.images import Image, check_image
+from gpusim.measure.vibration.identification import Excitation, Identification
+from gpusim.measure.vibration.point_series import DisplacementMethod
+from gpusim.report.style import MEASURED, axis_title, draw_png
+from gpusim.validation import Count, Positive, checked
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
+
+ARROW = 0.1  # of the picture's longer side: the greatest component of a shape
+SCHEMA = 1
+
+
+@checked
+@dataclass(frozen=True)
+class IdentificationSettings:
+    """How modes are identified; meanings as in ``point_series`` and ``identify_modes``.
+
+    Attributes
+    ----------
+    points : (P, 2) x, y px; None: a grid.
+    grid : points along the longer side of the grid.
+    roi : (x0, y0, x1, y1) px of the grid; None: all of the picture.
+    displacements : "lucas-kanade", "gradient" or "phase".
+    rate_Hz : pictures a second, if the video doesn't say, or says wrong; a camera of 2000 pictures
+        a second may write a file that is played at 25.
+
+    Examples
+    --------
+    >>> gs.applications.IdentificationSettings(grid=12, band_Hz=(5, 60)).modes
+    3
+    """
+
+    points: Any = None
+    grid: Count = 24
+    roi: tuple[int, int, int, int] | None = None
+    displacements: DisplacementMethod = "lucas-kanade"
+    subset: int = 21
+    rate_Hz: Positive | None = None
+    band_Hz: tuple[float, float] | None = None
+    modes: Count = 3
+    method: Identification = "ssi"
+    excitation: Excitation = "ambient"
+    __repr__ = field_summary
+
+
+@dataclass(frozen=True)
+class IdentificationOutput:
+    """Displacements, modes, what report.json holds, and the files that were written.
+
+    Examples
+    --------
+    >>> times = np.arange(200) / 100
+    >>> y, x = np.mgrid[:50, :60]
+    >>> wave = np.exp(-times) * np.sin(2 * np.pi * 12 * times)
+    >>> film = [90 + 40 * np.sin((x - one) / 3) * np.cos(y / 4) for one in wave]
+    >>> settings = gs.applications.IdentificationSettings(
+    ...     grid=3, rate_Hz=100, modes=1, excitation="release")
+    >>> done = gs.applications.identify_files(np.array(film), "modes", settings)
+    >>> done.modes.frequency_Hz.round(2), [path.name for path in done.files]
+    (array([12.]), ['modes.csv', 'shapes.csv', 'modes.h5', 'mode_1.png', 'report.json'])
+    """
+
+    series: PointSeries
+    modes: OperationalModes
+    report: dict[str, Any]
+    files: list[Path]
+    __repr__ = field_summary
+
+
+USUAL = IdentificationSettings()
+
+
+def silent(stage: str, done: float, text: str) -> None:
+    """Show no progress."""
+
+
+def timed(frames: Frames | FrameSource, rate_Hz: float | None) -> FrameSource:
+    """Pictures at the times of their file, or at those of a rate."""
+    source = read_frames(frames)
+    return source if rate_Hz is None else read_frames(source, np.arange(len(source)) / rate_Hz)
+
+
+def identify_files(
+    video: Frames | FrameSource,
+    output: PathLike,
+    settings: IdentificationSettings = USUAL,
+    *,
+    progress: Progress = silent,
+) -> IdentificationOutput:
+    """Identify modes in a video; write tables and shapes over its first picture.
+
+    ``modes.csv``: frequencies, damping and their standard uncertainties; ``shapes.csv``: of each
+    mode and point; ``modes.h5``: these and the displacements of all points, with units and times.
+
+    Parameters
+    ----------
+    video : as ``read_frames`` takes it: a file, a folder, arrays.
+    output : a folder, made if need be.
+    settings : how modes are identified.
+    progress : called with ("identify", how much is done 0..1, a text).
+
+    Raises
+    ------
+    InputError
+        Files or settings that are wrong; no point measured throughout, no mode in the band.
+
+    Examples
+    --------
+    See `IdentificationOutput`.
+    """
+    with claim(output):
+        source = timed(video, settings.rate_Hz)
+        first = check_image(source[0], source.names[0])
+        points = _points(first, settings)
+
+        def measured(number: int, displacement: Float) -> None:
+            done, text = (number + 1) / len(source), f"frame {number + 1} of {len(source)}"
+            progress("identify", done, text)
+
+        series = point_series(
+            source, points, method=settings.displacements, subset=settings.subset, progress=measured
+        )
+        require(bool(series.ok.any()), "points", "none found in all pictures", "at least one")
+        modes = identify_modes(
+            series, modes=settings.modes, band_Hz=settings.band_Hz, method=settings.method,
+            excitation=settings.excitation,
+        )  # fmt: skip
+        report = _report(source, series, modes, settings)
+        folder = Path(output)
+        files = [
+            write_text(inside(folder, "modes.csv"), _table(_mode_columns(modes))),
+            write_text(inside(folder, "shapes.csv"), _table(_shape_columns(modes))),
+            _write_hdf5(inside(folder, "modes.h5"), series, modes, report),
+            *(_draw(inside(folder, f"mode_{k + 1}.png"), first, modes, k)
+              for k in range(len(modes.damping))),
+            write_text(inside(folder, "report.json"), json.dumps(report, indent=2) + "\n"),
+        ]  # fmt: skip
+        return IdentificationOutput(series, modes, report, files)
+
+
+def _points(first: Image, settings: IdentificationSettings) -> Float:
+    if settings.points is not None:
+        return np.asarray(settings.points, dtype=np.float64)
+    height, width = first.shape
+    x0, y0, x1, y1 = settings.roi or (0, 0, width - 1, height - 1)
+    step = max((max(x1 - x0, y1 - y0) + 1 - settings.subset) // max(settings.grid - 1, 1), 1)
+    return grid_points(first.shape, subset=settings.subset, step=step, roi=settings.roi)
+
+
+def _report(
+    source: FrameSource, series: PointSeries, modes: OperationalModes, s: IdentificationSettings
+) -> dict[str, Any]:
+    """What report.json holds."""
+    columns = {name: values.tolist() for name, values in _mode_columns(modes).items()}
+    return {
+        "schema": SCHEMA,
+        "version": __version__,
+        "video": source.names[0],
+        "frames": len(source),
+        "rate_Hz": series.rate_Hz,
+        "points": len(series.points),
+        "measured": int(series.ok.sum()),
+        "displacements": s.displacements,
+        "method": s.method,
+        "modes": [
+            dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)
+        ],
+        "warnings": [*source.notes, *([source.times_guessed] if source.times_guessed else [])],
+    }
+
+
+def _mode_columns(modes: OperationalModes) -> dict[str, Float]:
+    names = ("frequency_Hz", "frequency_sigma_Hz", "damping", "damping_sigma", "complexity")
+    return {"mode": np.arange(1, len(modes.damping) + 1)} | {n: getattr(modes, n) for n in names}
+
+
+def _shape_columns(modes: OperationalModes) -> dict[str, Float]:
+    count, points = len(modes.damping), len(modes.points)
+    shape, sigma = (each.reshape(-1, 2).T for each in (modes.shapes, modes.shape_sigma))
+    x, y = np.tile(modes.points, (count, 1)).T
+    names = ("mode", "x_px", "y_px", "shape_x", "shape_y", "sigma_x", "sigma_y")
+    mode = np.repeat(np.arange(1, count + 1), points)
+    return dict(zip(names, (mode, x, y, *shape, *sigma), strict=True))
+
+
+def _table(columns: Mapping[str, Float]) -> str:
+    """CSV with a line of names."""
+    rows = zip(*columns.values(), strict=True)
+    lines = [",".join(f"{value:.9g}" for value in row) for row in rows]
+    return "\n".join([",".join(columns), *lines]) + "\n"
+
+
+def _write_hdf5(
+    path: Path, series: PointSeries, modes: OperationalModes, report: Mapping[str, Any]
+) -> Path:
+    arrays = {
+        "times": (series.times, "s"),
+        "points": (series.points, "px"),
+        "displacement": (series.displacement, "px"),
+        "status": (series.status, "1"),
+        "modes/frequency": (modes.frequency_Hz, "Hz"),
+        "modes/frequency_sigma": (modes.frequency_sigma_Hz, "Hz"),
+        "modes/damping": (modes.damping, "1"),
+        "modes/damping_sigma": (modes.damping_sigma, "1"),
+        "modes/points": (modes.points, "px"),
+        "modes/shapes": (modes.shapes, "1"),
+        "modes/shape_sigma": (modes.shape_sigma, "1"),
+    }
+    with atomic_path(path) as part, writing_hdf5(part) as file:
+        for name, (values, unit) in arrays.items():
+            file.create_dataset(name, data=values, compression="gzip").attrs["unit"] = unit
+        file.attrs["frame"] = "pixels of the first picture, x right, y down"
+        file.attrs.update({k: v for k, v in report.items() if isinstance(v, str | int | float)})
+    return path
+
+
+def _draw(path: Path, picture: Image, modes: OperationalModes, number: int) -> Path:
+    """A shape as arrows over the picture, in both of its extremes."""
+    height, width = picture.shape
+    longest = ARROW * max(height, width)
+    place, shape = modes.points, longest * modes.shapes[number]
+
+    def draw(canvas: Canvas) -> None:
+        axes = canvas.subplots()
+        axes.imshow(picture, cmap="gray", interpolation="nearest")
+        for sign, alpha in ((1, 1.0), (-1, 0.35)):
+            axes.quiver(
+                *place.T, *(sign * shape).T, angles="xy", scale_units="xy", scale=1,
+                color=MEASURED, alpha=alpha, width=0.003,
+            )  # fmt: skip
+        axes.set_xlim(-0.5, width - 0.5)
+        axes.set_ylim(height - 0.5, -0.5)
+        axes.set_axis_off()
+        hertz, share = modes.frequency_Hz[number], 100 * modes.damping[number]
+        axis_title(axes, f"mode {number + 1}: {hertz:.4g} Hz, damping {share:.3g} %")
+
+    draw_png(path, (7.2, 7.2 * min(max(height / width, 0.25), 1.5) + 0.4), draw)
+    return path

@@ -1,0 +1,50 @@
+"""A video in which the motions of some frequencies are larger."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gpusim.applications.correlation_output import Progress
+from gpusim.applications.identification import silent, timed
+from gpusim.export.video import WRITERS, VideoSink
+from gpusim.files.atomic_files import PathLike
+from gpusim.files.frame_source import Frames, FrameSource
+from gpusim.measure import magnify
+from gpusim.measure.vibration.sampling import sampling_rate
+
+
+def magnify_files(
+    video: Frames | FrameSource,
+    output: PathLike,
+    band_Hz: tuple[float, float],
+    factor: float,
+    *,
+    rate_Hz: float | None = None,
+    progress: Progress = silent,
+) -> Path:
+    """Write a video in which motions of some frequencies are ``factor`` times as large.
+
+    Parameters
+    ----------
+    video : as ``read_frames`` takes it: a file, a folder, arrays of uint8 or uint16.
+    output : ``film.mkv`` or anything else that `VideoSink` writes; or a folder, for PNG.
+    band_Hz, factor : as in ``measure.magnify``.
+    rate_Hz : pictures a second, if the video doesn't say, or says wrong.
+    progress : called with ("magnify", how much is done 0..1, a text).
+
+    Examples
+    --------
+    >>> film = np.full((70, 60, 80), 90, np.uint8)
+    >>> gs.applications.magnify_files(film, "large.mkv", (20, 40), 20, rate_Hz=200).name
+    'large.mkv'
+    """
+    source = timed(video, rate_Hz)
+    path = Path(output)
+    if path.suffix.lower() not in WRITERS:
+        path = path / "*.png"
+    pictures = magnify(source, band_Hz, factor)
+    with VideoSink(path, frame_rate=sampling_rate(source.times)) as sink:
+        for number, (picture, time) in enumerate(zip(pictures, source.times, strict=True)):
+            sink.append(picture, float(time))
+            progress("magnify", (number + 1) / len(source), f"frame {number + 1} of {len(source)}")
+    return path
