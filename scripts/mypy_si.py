@@ -13,9 +13,9 @@ from mypy.typeops import make_simplified_union
 from mypy.types import Instance, Type, UnionType, get_proper_type
 
 sys.path.insert(1, str(Path(__file__).parents[1]))
-from gpusim.scene.description.table import name_and_unit
+from gpusim.scene.tables.table import name_and_unit
 
-_GETATTR = "gpusim.scene.description.table.Table."
+_GETATTR = "gpusim.scene.tables.table.Table."
 
 
 def _of_key(table: Instance, name: str) -> Type | None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -88,6 +89,10 @@ def sections(tables: dict[str, TableEntry]) -> Iterator[str]:
         first.setdefault(identity(table), path)
     parents = {f"{path}.{kind}": table for path, table in tables.items() for kind in table.kinds}
     titles = {path: title(path, table, parents.get(path)) for path, table in tables.items()}
+    told = Counter(titles[path] for path in first.values())
+    for path in first.values():
+        if told[titles[path]] > 1:  # tables of two kinds, one key
+            titles[path] += f' of type "{path.split(".")[-2]}"'
     for section in ORDER:
         if section in TOPICS:
             yield f"\n## {TOPICS[section]}\n"

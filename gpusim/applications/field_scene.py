@@ -16,7 +16,7 @@ from gpusim.optics.calibration.formats import read_calibration
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.camera.standpoint import Side, rig_before
 from gpusim.scene import Scene
-from gpusim.scene.description.table import FileUnit, metres
+from gpusim.scene.tables.table import FileUnit, metres
 from gpusim.validation import checked, positive, require_one_of
 
 PIXELS, PIXEL_UM, FOCAL_MM = (2448, 2048), 3.45, 35.0

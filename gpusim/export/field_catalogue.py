@@ -22,7 +22,7 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Float
 from gpusim.export.layers import LAYERS, Layer
 from gpusim.measure import DicResult, MappedResult, StereoResult, StrainResult
-from gpusim.scene.description.table import name_and_unit
+from gpusim.scene.tables.table import name_and_unit
 
 Values = Callable[[Any], npt.NDArray[Any]]
 Place = Literal["nodes", "elements", "pixels", "points"]

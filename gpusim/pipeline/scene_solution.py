@@ -56,7 +56,7 @@ def solve(problem: fem.Model | Scene, device: Device | None = None, **options: A
     groups = load_groups(body, problem.analysis.load_factors)
     built = build_model(build_body(body, problem.input), groups)
     model = built.model
-    if body.large_displacements(problem.analysis.geometry):
+    if body.large_displacements(getattr(problem.analysis, "geometry", "auto")):
         states = [one.shown.states[0] for one in frame_table(problem)]
         steps = dict.fromkeys(state for state in states if state is not None)
         factors = [state[: len(groups)] for state in steps]

@@ -8,6 +8,7 @@ from gpusim.graph.stage import Stage, first
 from gpusim.plan.stage_builder import Needs, StageBuilder
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import load_groups
+from gpusim.scene.description.model import StaticTable
 from gpusim.scene.frames import FrameTable, Shown
 
 
@@ -26,7 +27,8 @@ def stillness(scene: Scene, frames: FrameTable) -> str:
 def static_stages(build: StageBuilder) -> Iterator[Stage]:
     """Statics: a model a body, one linear solve of all, and its load cases superposed; equilibria
     at large displacements for the bodies that need them."""
-    scene, options = build.scene, build.options
+    scene, options, table = build.scene, build.options, build.scene.analysis
+    assert isinstance(table, StaticTable)
     if not scene.bodies or (options.skip and stillness(scene, build.frames)):
         return
     for body in scene.bodies:
@@ -39,14 +41,14 @@ def static_stages(build: StageBuilder) -> Iterator[Stage]:
                       on_device=True)  # fmt: skip
     yield build.stage("solution", "mechanics:solution", needs={"solve": first})
     found: Needs = {"solution": first}
-    if scene.analysis.geometry != "linear":
-        yield _equilibria(build)
+    if table.geometry != "linear":
+        yield _equilibria(build, table.geometry)
         found["equilibria"] = first
     for number, name in enumerate(build.bodies):
         yield build.stage(f"motion/{name}", "mechanics:motion", needs=found, rows=[[number, name]])
 
 
-def _equilibria(build: StageBuilder) -> Stage:
+def _equilibria(build: StageBuilder, geometry: str) -> Stage:
     """Which depend on all frames: each begins at the one before, and any of them may be the one
     that linear theory is too far off for."""
     needs: Needs = build.of_bodies("mesh") | build.of_bodies("model") | {"solution": first}
@@ -54,7 +56,7 @@ def _equilibria(build: StageBuilder) -> Stage:
     # stress that will be looked at: of each frame, or in the picture of the last one
     moved = [one.number for one in build.frames if not one.shown.unloaded]
     stressed = moved if build.scene.output.stress else moved[-1:]
-    row = [build.scene.analysis.geometry, loads, stressed]
+    row = [geometry, loads, stressed]
     return build.stage("equilibria", "equilibria:equilibria", ["solver", "body.*.mechanics"],
                        needs, [row], "solve", keeps=True, on_device=True)  # fmt: skip
 

@@ -15,7 +15,7 @@ from gpusim.scene import Scene, plausibility
 from gpusim.scene import cost as cost_of
 from gpusim.scene.cost import Counts
 from gpusim.scene.description.model import CameraTable
-from gpusim.scene.frames import Shown, frame_text
+from gpusim.scene.frames import Shown
 
 __all__ = ["Plan", "PlannedStage", "make_plan", "plan_of"]
 
@@ -145,7 +145,7 @@ class _ScenePlan:
     def _words(self, shown: Shown, number: int) -> str:
         """The different weights of a frame, in the order in which bodies have them."""
         if not self.scene.analysis.scales_loads:
-            return frame_text(self.scene, number)
+            return self.scene.analysis.frame_text(number)
         weights = [weight for state in shown.states for weight in state or (0.0,)]
         weights = list(dict.fromkeys(weights)) or [self.frames[number].factor]
         return f"load x {', '.join(f'{weight:g}' for weight in weights)}"

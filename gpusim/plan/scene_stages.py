@@ -18,7 +18,7 @@ from gpusim.plan.stages import RunOptions
 from gpusim.scene import Scene
 from gpusim.scene.analyses import kind_of
 from gpusim.scene.description import model as m
-from gpusim.scene.frames import FrameTable, frame_text, frame_word
+from gpusim.scene.frames import FrameTable
 
 PUBLIC = (
     "mesh", "model", "solve", "surface", "render", "truth", "measure", "stress", "export",
@@ -161,14 +161,9 @@ def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iter
     if output.fields and motions and any(not one.shown.unloaded for one in build.frames):
         needs = build.of_bodies("mesh") | motions | steps
         needs |= build.of_bodies("model") if "solve" in moving else {}
-        modes: dict[int, list[Any]] = {}
-        for frame, (number, turn) in enumerate(scene.analysis.oscillations, 1):
-            steady = scene.analysis.frequencies_Hz is not None
-            if steady or not turn:  # of steady ones phase 0 is like any other, and the rest is one
-                group = min(number, _MOST_PICTURED) if steady else number
-                modes.setdefault(group, []).append([frame, frame_text(scene, frame)])
-        pictured = list(modes.values())[:_MOST_PICTURED]
-        row = [*table, output.stress, frame_word(scene), pictured]
+        shown = scene.analysis.shown_motions(_MOST_PICTURED)
+        pictured = [[*motion.items()] for motion in shown]
+        row = [*table, output.stress, scene.analysis.word, pictured]
         sections = ["body.*.mechanics", *(f"camera.{one.name}" for one in scene.cameras[:1])]
         yield build.stage("fields", "fields:fields", sections, needs, [row], on_device=True,
                           keeps=True)  # fmt: skip

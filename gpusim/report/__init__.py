@@ -11,6 +11,7 @@ In the order in which data passes:
 - `measurement_figures`: A rig and its points in space, its calibration; states compared.
 - `field_maps`: Measured fields beside true ones: maps, and their differences.
 - `charts`: Curves of what was computed over one quantity.
+- `figure_store`: Figures that are there from an earlier report.
 - `html`: report.html: one self-contained page.
 - `write`: report.json, figures and report.html in the output folder.
 - `correlation`: The summary of a correlation: numbers, maps, what a page says.

@@ -53,6 +53,7 @@ def draw_series(series: Series, path: PathLike, beside: Sequence[Series] = ()) -
         for one in beside:
             draw_measured(upper, one, legend=False)
         draw_measured(upper, series)
+        _label_curves(upper, [series, *beside])
         axis_title(upper, title)
         _draw_residual(lower, series, residual, 1 + len(beside))
 
@@ -93,6 +94,21 @@ def draw_measured(axes: Axes, series: Series, legend: bool = True, **style: Any)
     if legend:
         axes.set_ylabel(f"{series.y_label} ({series.y_unit})")
         axes.legend(loc="best")
+
+
+def _label_curves(axes: Axes, curves: Sequence[Series]) -> None:
+    """Each of several curves where it stands farthest from the others."""
+    values = np.stack([one.y_truth for one in curves])
+    for k, one in enumerate(curves if len(curves) > 1 else ()):
+        apart = np.abs(np.delete(values, k, axis=0) - values[k]).min(axis=0)
+        if one.label and np.isfinite(apart).any():
+            at = int(np.nanargmax(apart))
+            side = "left" if one.x[at] < one.x.mean() else "right"
+            axes.annotate(
+                one.label, (one.x[at], one.y_truth[at]), (0, 10), textcoords="offset points",
+                ha=side, fontsize="small", color=TEXT,
+                bbox={"facecolor": PAGE, "edgecolor": "none", "alpha": 0.7, "pad": 1.0},
+            )  # fmt: skip
 
 
 def _draw_residual(axes: Axes, series: Series, residual: npt.NDArray[Any], count: int) -> None:

@@ -136,8 +136,9 @@ class Series:
         Units of y per pixel; with it the residual is also shown in pixels.
     truth_x, truth_y
         (T,) float64, the truth drawn as a finer curve; empty to draw it through ``y_truth``.
-    figure
-        Series over the same x that follow each other and name one are drawn in it together.
+    figure, label
+        Series over the same x that follow each other and name one figure are drawn in it together,
+        each with its label.
     """
 
     name: str
@@ -151,6 +152,7 @@ class Series:
     truth_x: Float = field(default_factory=lambda: np.empty(0))
     truth_y: Float = field(default_factory=lambda: np.empty(0))
     figure: str = ""
+    label: str = ""
 
     def __post_init__(self) -> None:
         what, x, measured, truth = f"series {self.name!r}", self.x, self.y_measured, self.y_truth
@@ -176,6 +178,8 @@ class FramePair:
         Of the grey levels: 12 in a file of 16 would be shown nearly black. 0: as few as hold them.
     frames
         All images of the camera with what is said of each, in order: shown with a slider.
+    shown
+        What the deformed one shows, in a word or two.
     """
 
     camera: str
@@ -185,6 +189,7 @@ class FramePair:
     crops: tuple[tuple[str, float, float, float, float], ...] = ()
     bits: int = 0
     frames: tuple[tuple[str, Path], ...] = ()
+    shown: str = "loaded"
 
 
 @dataclass(frozen=True)
@@ -259,8 +264,9 @@ class Report:
     """Everything a run has to say. Only the first block goes into report.json.
 
     ``failure`` is the error's message if ``status`` is "failed". ``highlights`` are label ->
-    (value, note) of the cards on top, ``facts`` label -> value pairs (device, versions, sizes),
-    and ``scene_text`` is the resolved scene file.
+    (value, note) of the cards on top, ``first_tables`` stand before what was measured, ``facts``
+    are label -> value pairs (device, versions, sizes), and ``scene_text`` is the resolved scene
+    file.
 
     Examples
     --------
@@ -296,6 +302,7 @@ class Report:
     residuals: tuple[float, ...] = ()
     tolerance: float | None = None
     figures: tuple[Drawing, ...] = ()
+    first_tables: tuple[Table, ...] = ()
     tables: tuple[Table, ...] = ()
     links: tuple[Link, ...] = ()
     __repr__ = field_summary

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import groupby
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from gpusim.errors import GpusimError
 from gpusim.files.atomic_files import PathLike, safe_name, write_text
 from gpusim.files.output_folder import delete, inside
 from gpusim.parallel import processes
+from gpusim.report.figure_store import FigureStore
 from gpusim.report.figures import (
     draw_convergence,
     draw_errors,
@@ -76,17 +78,18 @@ def write_report(report: Report, out_dir: PathLike) -> ReportPaths:
 
 def _draw(report: Report, folder: Path) -> dict[str, list[Figure]]:
     """The figures by the section of the page that they stand in."""
-    begin = processes.begin
+    store = FigureStore(folder)
+    begin = store.begin
     # these take longest: they begin
     sections = {"other": [begin(drawing) for drawing in report.figures]}
     sections["explanations"] = [begin(one) for why in report.explanations for one in why.figures]
     together = groupby(report.series, lambda one: one.figure or one.name)
     sections["series"] = [
-        begin(draw_series, item, _path(folder, "line", number, name), beside)
+        begin(partial(draw_series, item, _path(folder, "line", number, name), beside))
         for number, (name, (item, *beside)) in enumerate(together, 1)
     ]
     sections["overlays"] = [
-        begin(draw_overlay, item, _path(folder, "markers", number, item.title))
+        begin(partial(draw_overlay, item, _path(folder, "markers", number, item.title)))
         for number, item in enumerate(report.overlays, 1)
     ]
     judged = [
@@ -94,14 +97,18 @@ def _draw(report: Report, folder: Path) -> dict[str, list[Figure]]:
         if item.tolerance_relative is not None and np.isfinite(item.relative_told)
     ]  # fmt: skip
     if len(judged) >= _WORTH_BARS:
-        sections["errors"] = [begin(draw_errors, judged, inside(folder, "errors.png"))]
+        sections["errors"] = [begin(partial(draw_errors, judged, inside(folder, "errors.png")))]
     if len(report.residuals) >= _WORTH_A_PLOT:
         path = inside(folder, "convergence.png")
-        sections["convergence"] = [begin(draw_convergence, report.residuals, path)]
+        sections["convergence"] = [begin(partial(draw_convergence, report.residuals, path))]
     load_path = report.load_path
     if load_path is not None and len(load_path.frames) >= _WORTH_A_LINE:
-        sections["load_path"] = [begin(draw_load_path, load_path, inside(folder, "load-path.png"))]
-    return {name: [call.result() for call in sections.get(name, ())] for name in SECTIONS}
+        sections["load_path"] = [
+            begin(partial(draw_load_path, load_path, inside(folder, "load-path.png")))
+        ]
+    figures = {name: [figure() for figure in sections.get(name, ())] for name in SECTIONS}
+    store.keep()
+    return figures
 
 
 def _path(folder: Path, kind: str, number: int, title: str) -> Path:

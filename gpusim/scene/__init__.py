@@ -2,6 +2,7 @@
 
 In the order in which data passes:
 
+- `tables`: What the tables of a scene file are made of.
 - `description`: The scene file's tables, each once: keys as in the file, and what they are in SI.
 - `toml_text`: A plain document as a TOML text, and back; and how large it may be.
 - `faults`: Faults of a scene file: where, what, and what was expected.

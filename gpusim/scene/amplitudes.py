@@ -11,8 +11,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from gpusim.scene.description.analysis import AnalysisTable
-from gpusim.scene.description.model import Amplitude, Body
+from gpusim.scene.description.model import Amplitude, Body, TransientTable
 
 Share = tuple[int, float]
 
@@ -57,7 +56,7 @@ class LoadHistory:
     start: Amplitude = ()
 
 
-def load_history(body: Body, analysis: AnalysisTable, end: float) -> LoadHistory:
+def load_history(body: Body, analysis: TransientTable, end: float) -> LoadHistory:
     """The loads of a body from time 0 to an ``end`` (s)."""
     curves = [
         (load.times_s or analysis.frame_values, load.amplitude_) if load.amplitude_ else ((), ())

@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 from gpusim.errors import InputError
 from gpusim.scene.amplitudes import load_groups
-from gpusim.scene.description.analysis import ANALYSIS_TYPES, AnalysisType
+from gpusim.scene.description.analysis.analysis_table import TABLES, AnalysisTable
+from gpusim.scene.description.analysis.vibrations import OscillationTable
+from gpusim.scene.description.scene_table import Body, SceneTable
 from gpusim.scene.faults import schema_places
 
 if TYPE_CHECKING:
@@ -26,21 +28,18 @@ States = Sequence[tuple[float, ...] | None]
 class AnalysisKind:
     """One kind.
 
-    type : what its table is.
+    table : of its keys.
     states : of a scene (whether multiples of a load are one case: its second argument), per body
         what its motion depends on in each frame, as plain data; None where it is at rest.
     stages : "module:function" that gives the stages which end in ``motion/<body>``, a
         `gpusim.motion.Motion` each.
     unsolved : why nothing is solved; "" where a model of each body is.
-    told : of a scene and the number of a frame, what is shown in it; None: the number that frames
-        have says it.
     """
 
-    type: AnalysisType
+    table: type[AnalysisTable]
     states: Callable[[Scene, bool], Sequence[States]]
     stages: str
     unsolved: str = ""
-    told: Callable[[Scene, int], str] | None = None
 
     def make_stages(self, build: Any) -> Any:
         """The stages, of what they are made with (`gpusim.plan.stage_builder.StageBuilder`)."""
@@ -52,7 +51,8 @@ def add_analysis(name: str, kind: AnalysisKind) -> None:
     """Let scenes have ``[analysis] type = name``. Raises InputError for a name that another has."""
     if name in ANALYSES:
         raise InputError(f"kind of analysis: type; got {name!r} twice; expected a new one")
-    ANALYSES[name], ANALYSIS_TYPES[name] = kind, kind.type
+    ANALYSES[name], TABLES[name] = kind, kind.table
+    SceneTable.model_rebuild(force=True)
     schema_places.cached_schema.cache_clear()
 
 
@@ -100,53 +100,41 @@ def _times(scene: Scene, scaled: bool) -> Sequence[States]:
 
 def _instants(scene: Scene, scaled: bool) -> Sequence[States]:
     """Of bodies that something moves in time: the time."""
-    ground = scene.analysis.base_motion is not None
     return [
-        [(time,) if body.loads or ground else None for time in scene.analysis.frame_values]
+        [(time,) if _driven(scene, body) else None for time in scene.analysis.frame_values]
         for body in scene.bodies
     ]
 
 
-def _oscillations(scene: Scene, scaled: bool) -> Sequence[States]:
-    """Modes, and motions of one frequency: number and phase (turns); number 0 where a body that is
-    loaded doesn't vibrate."""
-    rest = (0.0, 0.0) if scene.analysis.prestress else None
-    states = [rest, *((float(number), turn) for number, turn in scene.analysis.oscillations)]
+def _shapes(scene: Scene, scaled: bool) -> Sequence[States]:
+    """Modes: number and phase (turns); number 0 where a body that is loaded doesn't vibrate."""
+    table = scene.analysis
+    assert isinstance(table, OscillationTable)
+    rest = (0.0, 0.0) if getattr(table, "prestress", False) else None
+    states = [rest, *((float(number), turn) for number, turn in table.oscillations)]
     return [states for _ in scene.bodies]
 
 
-def _mode_told(scene: Scene, frame: int) -> str:
-    """The mode of a frame, or its frequency, and its phase."""
-    if not frame:
-        return "at rest"
-    analysis = scene.analysis
-    number, turn = analysis.oscillations[frame - 1]
-    what = f"mode {number}"
-    if analysis.frequencies_Hz:
-        what = f"{analysis.frequencies_Hz[number - 1]:g} Hz"
-    return what if analysis.phase_count == 1 else f"{what}, phase {360.0 * turn:g} deg"
+def _steady(scene: Scene, scaled: bool) -> Sequence[States]:
+    """The same of bodies that something drives."""
+    moving = zip(scene.bodies, _shapes(scene, scaled), strict=True)
+    still = [None] * len(scene.analysis.frame_values)
+    return [states if _driven(scene, body) else still for body, states in moving]
+
+
+def _driven(scene: Scene, body: Body) -> bool:
+    return bool(body.loads) or scene.analysis.moves_ground
 
 
 _STAGES, _VIBRATIONS = "gpusim.plan.motion_stages:", "gpusim.plan.vibration_stages:"
 ANALYSES = {
-    "static": AnalysisKind(
-        ANALYSIS_TYPES["static"], _weights, f"{_STAGES}static_stages"
-    ),
+    "static": AnalysisKind(TABLES["static"], _weights, f"{_STAGES}static_stages"),
     "field": AnalysisKind(
-        ANALYSIS_TYPES["field"], _times, f"{_STAGES}field_stages",
-        unsolved="displacements are given",
+        TABLES["field"], _times, f"{_STAGES}field_stages", unsolved="displacements are given"
     ),
-    "modal": AnalysisKind(
-        ANALYSIS_TYPES["modal"], _oscillations, f"{_VIBRATIONS}modal_stages", told=_mode_told,
-    ),
-    "transient": AnalysisKind(
-        ANALYSIS_TYPES["transient"], _instants, f"{_VIBRATIONS}transient_stages"
-    ),
-    "harmonic": AnalysisKind(
-        ANALYSIS_TYPES["harmonic"], _oscillations, f"{_VIBRATIONS}harmonic_stages", told=_mode_told,
-    ),
-    "buckling": AnalysisKind(
-        ANALYSIS_TYPES["buckling"], _oscillations, f"{_VIBRATIONS}buckling_stages", told=_mode_told
-    ),
-}  # fmt: skip
+    "modal": AnalysisKind(TABLES["modal"], _shapes, f"{_VIBRATIONS}oscillation_stages"),
+    "transient": AnalysisKind(TABLES["transient"], _instants, f"{_VIBRATIONS}transient_stages"),
+    "harmonic": AnalysisKind(TABLES["harmonic"], _steady, f"{_VIBRATIONS}oscillation_stages"),
+    "buckling": AnalysisKind(TABLES["buckling"], _shapes, f"{_VIBRATIONS}oscillation_stages"),
+}
 """By the name that ``[analysis] type`` has."""

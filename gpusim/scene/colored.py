@@ -7,8 +7,8 @@ from typing import Any
 
 from gpusim.errors import InputError
 
-from .description.colors import is_chromatic
 from .scene import Scene
+from .tables.colors import is_chromatic
 
 
 def in_color(scene: Scene) -> bool:

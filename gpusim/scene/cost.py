@@ -170,30 +170,11 @@ def estimate(scene: Scene, made: Counts | None = None) -> Cost:
     }
 
 
-_ITERATIONS, _MODE, _TIME_STEP = 6, 1.5, 0.15
-"""Linear solutions that a load step, a mode and a time step take as long as."""
-
-
-def _load_steps(scene: Scene) -> int:
-    """That are certain: none where the linear solution is to decide."""
-    analysis = scene.analysis
-    known = any(body.large_displacements(analysis.geometry) for body in scene.bodies)
-    return len(set(analysis.load_factors) - {0.0}) if known else 0
-
-
 def _solutions(scene: Scene) -> tuple[str, float]:
     """How bodies are solved, as far as it is known, and how many linear solutions take as long."""
-    analysis, frames = scene.analysis, len(scene.analysis.frame_values)
-    if step := analysis.time_step:
-        steps = round((frames - 1) / (analysis.frame_rate_Hz or 1.0) / step)
-        return f", {steps:,} time steps for {frames:,} frames", 1.0 + _TIME_STEP * steps
-    if analysis.superposes_modes:
-        count = analysis.mode_count
-        return f", {count} modes; {frames:,} frames are superposed from them", 1.0 + _MODE * count
-    if steps := _load_steps(scene):
-        return f", nonlinear, {steps} load steps", 1.0 + _ITERATIONS * steps
-    auto = analysis.geometry == "auto"
-    return ", nonlinear if the linear solution is too far off" if auto else "", 1.0
+    geometry = getattr(scene.analysis, "geometry", "auto")
+    known = any(body.large_displacements(geometry) for body in scene.bodies)
+    return scene.analysis.solutions(nonlinear=known)
 
 
 _GROWTH = 0.25  # of the element size with the distance from a notch, as the builder has it

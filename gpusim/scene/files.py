@@ -14,9 +14,9 @@ from gpusim.files.input_file import (
     read_input,
     read_series,
 )
-from gpusim.scene.description.table import tables_of
 from gpusim.scene.faults.faults import unread
 from gpusim.scene.faults.key_paths import Keys, dotted
+from gpusim.scene.tables.table import tables_of
 
 Found = list[tuple[Keys, Fault]]
 

@@ -87,16 +87,3 @@ def frame_table(scene: Scene, scaled: bool = True) -> FrameTable:
         time = None if rate is None else number / rate
         instants.append(Instant(number, factor, time, Shown(states, places)))
     return FrameTable(instants)
-
-
-def frame_text(scene: Scene, frame: int) -> str:
-    """What is shown in a frame, in a few words."""
-    told = kind_of(scene).told
-    if told is not None:
-        return told(scene, frame)
-    return f"{frame_word(scene).replace('_', ' ')} {scene.analysis.frame_values[frame]:g}"
-
-
-def frame_word(scene: Scene) -> str:
-    """What the numbers are that a scene has one of per frame."""
-    return kind_of(scene).type.word

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from gpusim.errors import nearest_name
 from gpusim.validation import require
 
-from .description.table import name_and_unit
 from .faults.schema_places import Node, cached_schema, expected, plain_node, table_kinds
+from .tables.table import name_and_unit
 
 _FRACTIONS = {
     "kg_m3": "kg/m3", "m_s2": "m/s2", "W_m2": "W/m2", "W_m2_sr": "W/(m2 sr)", "per_K": "1/K",

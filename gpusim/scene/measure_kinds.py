@@ -13,8 +13,8 @@ from typing import Any
 from gpusim.errors import InputError
 from gpusim.scene.description.measure_table import TABLES, MeasureTable
 from gpusim.scene.description.scene_table import SceneTable
-from gpusim.scene.description.table import tables_of
 from gpusim.scene.faults import schema_places
+from gpusim.scene.tables.table import tables_of
 
 GROUP = "gpusim.measurements"
 """Of entry points: the name is a ``type``, the value the module that registers it."""

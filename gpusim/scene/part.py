@@ -17,9 +17,14 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from gpusim.scene.description.analysis import AnalysisTable
 from gpusim.scene.description.mesh import CAD_SUFFIXES
-from gpusim.scene.description.model import Body, CameraTable, OutputTable, SensorTable
+from gpusim.scene.description.model import (
+    Body,
+    CameraTable,
+    OutputTable,
+    SensorTable,
+    TransientTable,
+)
 from gpusim.scene.scene import SECTIONS, Scene
 
 _OF_BODY = {
@@ -98,7 +103,8 @@ class SceneParts:
         if section == "prop.still":
             return tuple(prop.model_copy(update={"poses_": None}) for prop in whole)
         if section == "analysis.base_motion":
-            return AnalysisTable.model_construct(base_motion=whole.base_motion)
+            known: dict[str, Any] = {"type": "transient", "duration_s": 1.0, "frame_rate_Hz": 1.0}
+            return TransientTable.model_construct(**known, base_motion=whole.base_motion)
         if section == "output.truth":
             return OutputTable.model_construct(truth=whole.truth)
         if section == "output.calibration":

@@ -227,7 +227,7 @@ class Scene:
         return (
             any(camera.calibration or camera.distortion for camera in self.cameras)
             or any(_is_read(body.mesh) for body in self.bodies)
-            or self.analysis.base_motion is not None
+            or self.analysis.moves_ground
             or any(isinstance(paint, model.PictureTable) for paint in paints)
             or any(
                 isinstance(light, model.EnvironmentTable) and light.path for light in self.lights

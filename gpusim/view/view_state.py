@@ -14,7 +14,7 @@ from gpusim.gpu import Device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.light.lights import Light
 from gpusim.pipeline.scene_objects.surfaces import counts_of
-from gpusim.scene.description.table import FileUnit
+from gpusim.scene.tables.table import FileUnit
 from gpusim.surface.color import Color
 from gpusim.view.content.background_solver import BackgroundSolver
 from gpusim.view.content.content import Content

@@ -45,7 +45,7 @@ CONCEPTS = {
     "pipeline/scene_objects": "refusals",
     "report": "comparison",
     "scene": "gltf_looks limits",
-    "scene/description": "finishes speckle",
+    "scene/description": "speckle",
     "scene/faults": "messages",
     "view": "reload window_view",
 }

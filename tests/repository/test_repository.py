@@ -58,6 +58,15 @@ def test_nothing_private_or_unfinished_is_committed(checkout: Path) -> None:
     assert faults == []
 
 
+def test_no_file_is_left_in_the_root(checkout: Path) -> None:
+    """As an example that was run there leaves one."""
+    files = {path.name for path in checkout.iterdir() if path.is_file()}
+    assert {name for name in files if not name.startswith(".")} == {
+        "CHANGELOG.md", "CONTRIBUTING.md", "LICENSE", "Makefile", "README.md", "constraints.txt",
+        "pyproject.toml",
+    }  # fmt: skip
+
+
 def test_no_file_is_longer_than_400_lines(checkout: Path) -> None:
     lengths = {
         name: text.count("\n")

@@ -12,8 +12,8 @@ from gpusim.errors import InputError
 from gpusim.scene import Scene, json_schema
 from gpusim.scene.description import model
 from gpusim.scene.description.measure_table import TABLES
-from gpusim.scene.description.table import UNITS, Table, name_and_unit
 from gpusim.scene.key_reference import find_tables, scene_tables
+from gpusim.scene.tables.table import UNITS, Table, name_and_unit
 
 
 def tables_in(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:

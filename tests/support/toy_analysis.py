@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import cos, sin
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +18,7 @@ from gpusim.motion import State
 from gpusim.plan.stage_builder import StageBuilder
 from gpusim.scene import Scene
 from gpusim.scene.analyses import AnalysisKind, States, add_analysis
-from gpusim.scene.description.analysis import AnalysisType
+from gpusim.scene.description.analysis.statics import StaticTable
 
 Float = npt.NDArray[np.float64]
 
@@ -55,9 +56,14 @@ def swing_stages(build: StageBuilder) -> Iterator[Stage]:
                           [name])  # fmt: skip
 
 
+class SwingTable(StaticTable):
+    """Bodies swing by their load factor."""
+
+    type: Literal["swing"]  # type: ignore[assignment]
+    about = "rigid"
+
+
 add_analysis(
     "swing",
-    AnalysisKind(
-        AnalysisType("rigid"), angles, f"{__name__}:swing_stages", unsolved="bodies only swing"
-    ),
+    AnalysisKind(SwingTable, angles, f"{__name__}:swing_stages", unsolved="bodies only swing"),
 )

@@ -107,10 +107,10 @@ def _read_picture(paint: m.PictureTable, scene: Scene) -> None:
 
 def _check_ground(scene: Scene) -> None:
     """The record of a moving ground is one, and reaches as far as cameras look."""
-    ground, table = ground_of(scene), scene.analysis.base_motion
-    if ground is not None and table is not None:
-        end = scene.analysis.frame_values[-1] + opening(scene)
-        ground.within(0.0, end, f"{table.path}: analysis.base_motion")
+    table, ground = scene.analysis, ground_of(scene)
+    if isinstance(table, m.TransientTable) and table.base_motion and ground:
+        end = table.frame_values[-1] + opening(scene)
+        ground.within(0.0, end, f"{table.base_motion.path}: analysis.base_motion")
 
 
 def _check_field(mesh: m.FieldMeshTable, name: str, scene: Scene, warnings: list[str]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,18 +41,38 @@ class MarkerSet:
     names: tuple[str, ...]
     group_names: tuple[str, ...]
 
-    def true_motion(self, objects: SceneObjects, frames: Sequence[int]) -> tuple[Float, Float]:
-        """True displacements in m of the markers on bodies: (M, 3) in the first frame, and
-        (F, M, 3) from there to each of the ``frames``."""
+    def displacement(
+        self, objects: SceneObjects, of_body: Callable[[int], Iterable[Float]]
+    ) -> Float:
+        """(K, M, 3) of the markers on bodies, for K fields (N, 3) that there are ``of_body``."""
         parts, first = [], 0
         for body, paint in self.groups:
             own = self.position[first : first + len(paint.markers)]
             first += len(own)
             nodes, weights = objects.bodies[body].skin.locate(own)
-            u = np.stack([objects.displacement(body, frame)[nodes] for frame in (0, *frames)])
+            u = np.stack([field[nodes] for field in of_body(body)])
             parts.append(np.einsum("mk,fmka->fma", weights, u))
-        every = np.concatenate(parts, axis=1)
+        return np.concatenate(parts, axis=1)
+
+    def true_motion(self, objects: SceneObjects, frames: Sequence[int]) -> tuple[Float, Float]:
+        """True displacements in m of the markers on bodies: (M, 3) in the first frame, and
+        (F, M, 3) from there to each of the ``frames``."""
+        every = self.displacement(
+            objects, lambda body: [objects.displacement(body, frame) for frame in (0, *frames)]
+        )
         return every[0], every[1:] - every[0]
+
+    def exposure_drift(self, objects: SceneObjects, camera: m.CameraTable) -> Float | None:
+        """(F, M, 3) m by which the mean of an exposure lies off its middle, frame by frame; None
+        where no body is known in between, or the ``camera`` sees an instant."""
+        if camera.shutter is None:
+            return None
+        frames, exposure = range(len(objects.frames)), camera.shutter.exposure
+        if not any(map(objects.vibrations, frames)):
+            return None
+        return self.displacement(
+            objects, lambda body: (objects.drift(body, frame, exposure) for frame in frames)
+        )
 
 
 def collect_markers(

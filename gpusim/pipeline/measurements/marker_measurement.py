@@ -163,7 +163,7 @@ class MarkerResult(Result):
         return [
             Series(
                 f"{name}: {marker}, {quantity}", instants, one, other, x_label, quantity, "mm",
-                figure=f"{name}: {group}, {quantity}",
+                figure=f"{name}: {group}, {quantity}", label=marker,
             )
             for marker, group, one, other in zip(
                 self.marker, self.group, measured.T, true.T, strict=True

@@ -26,8 +26,6 @@ from gpusim.files.input_file import InputFile, Reader, read_input
 from gpusim.files.output_folder import inside
 from gpusim.report import Drawing, Link, Measurement, Overlay, Series
 from gpusim.scene import Scene
-from gpusim.scene.analyses import kind_of
-from gpusim.scene.frames import frame_word
 
 MM = 1e3
 """Of a metre: tables tell lengths in mm."""
@@ -182,9 +180,9 @@ class Result:
     def instants(self, scene: Scene) -> tuple[Float, str]:
         """Load factors or times (F,) of the frames, or their numbers where modes are shown, and
         what they are called."""
-        if kind_of(scene).told is not None:
+        if scene.analysis.word == "phase_deg":
             return np.array(self.table.frames), "frame"
-        factors, word = scene.analysis.frame_values, frame_word(scene).replace("_", " ")
+        factors, word = scene.analysis.frame_values, scene.analysis.word.replace("_", " ")
         return np.array([factors[frame] for frame in self.table.frames]), word
 
     def tables(self) -> dict[str, str]:

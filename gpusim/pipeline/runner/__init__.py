@@ -3,6 +3,7 @@
 In the order in which data passes:
 
 - `stage_log`: What became of a run's stages: told while they are worked off, and in reports.
+- `result_tables`: Tables of a report: load steps, modes.
 - `scene_report`: What a run says of a scene: its report, from the results that are kept.
 - `scene_file`: ``scene.toml`` of an output folder; what somebody has edited there isn't lost.
 - `execution`: Scenes made into their folders, each reported as soon as it is whole.

@@ -32,6 +32,7 @@ from gpusim.plan.plan import plan_of
 from gpusim.plan.programs import earlier_programs, keep_programs
 from gpusim.plan.stages import RunOptions
 from gpusim.report import Report, prepare_figures, write_report
+from gpusim.report.figure_store import KEYS
 from gpusim.scene import Scene
 
 
@@ -161,6 +162,8 @@ class Execution:
             write_scene(self.out, self.scene.to_toml())
         for place, folder in self.decision.folders.items():
             write_scene(folder.path, self._scene_report(place).scene_text())
+            if self.decision.options.fresh:
+                delete(folder.path, f"figures/{KEYS}")
             for key in self.decision.graph.kept(place):
                 record = self.store.find(key)
                 if record is not None and not self.decision.graph.tasks[key].runs:

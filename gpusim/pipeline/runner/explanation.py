@@ -21,8 +21,8 @@ from gpusim.report import Drawing, Explanation, Link, Report
 from gpusim.report.field_maps import draw_error_parts
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
-from gpusim.scene.description.table import name_and_unit
 from gpusim.scene.effects import active_effects, with_other_patterns
+from gpusim.scene.tables.table import name_and_unit
 from gpusim.validation import require
 
 FOLDER = "explain"

@@ -25,6 +25,7 @@ from gpusim.pipeline.measurements.kinds import kind_of
 from gpusim.pipeline.measurements.results import Reported, Result
 from gpusim.pipeline.notes import Notes
 from gpusim.pipeline.pictures.file_names import image_path
+from gpusim.pipeline.runner.result_tables import lowest_modes, mode_table, newton_table
 from gpusim.plan.decision import Decision
 from gpusim.plan.machine_speed import Speed
 from gpusim.plan.plan import Plan
@@ -44,20 +45,15 @@ from gpusim.report import (
     SolutionSummary,
     Stage,
     StressPeak,
-    Table,
     draw_chart,
 )
 from gpusim.report.text import number
 from gpusim.scene import Scene
 from gpusim.scene.cost import effects
-from gpusim.scene.frames import frame_text, frame_word
 from gpusim.visualization.color_scale import format_value
 
 _FIRST = ("solve", "equilibria", "geometry", "linear theory")
 """Stages whose notes a report has before the others'."""
-
-
-_MOST_ROWS = 40
 
 
 class SceneReport:
@@ -102,17 +98,18 @@ class SceneReport:
             load_path=path,
             description=scene.description,
             failure=failure,
-            highlights=_lowest(self._modes) or _highlights(fields),
+            highlights=lowest_modes(self._modes) or _highlights(fields),
             facts=self._facts(),
             scene_text=scene.to_toml(),
-            frames=_pairs(scene, self.out, told),
+            frames=_pairs(scene, self.out, told, self._frame_shown(fields)),
             series=tuple(item for one in told for item in one.series),
             overlays=tuple(item for one in told for item in one.overlays),
             residuals=() if solution is None else tuple(solution["residuals"]),
             tolerance=scene.solver.tolerance,
             figures=(*self._charts(), *(item for one in told for item in one.figures)),
             modes=self._modes,
-            tables=(*_mode_table(self._modes), *_newton_table(self._load_steps)),
+            first_tables=mode_table(self._modes),
+            tables=newton_table(self._load_steps),
             links=self._links(),
         )
 
@@ -193,6 +190,14 @@ class SceneReport:
         said = self._said("fields")
         pictures = tuple(FieldPicture(**_tuples(row)) for row in said.get("pictures", ()))
         return pictures, LoadPath(**_tuples(said["path"])) if said.get("path") else None
+
+    def _frame_shown(self, fields: Sequence[FieldPicture]) -> int:
+        """The frame that is set beside the reference: the last one, of vibrations the one that
+        shows most, as far as pictures of ``fields`` tell."""
+        moved = {one.frame: one.largest for one in fields if one.field == "displacement"}
+        if self.scene.analysis.scales_loads or not moved:
+            return len(self.frames) - 1
+        return max(moved, key=lambda frame: moved[frame])
 
     def _noted(self, first: bool) -> list[Notes]:
         """In the order of the stages; the ``first`` ones, or the others."""
@@ -300,49 +305,6 @@ def _tuples(row: Mapping[str, Any]) -> dict[str, Any]:
     return {key: tuple(value) if isinstance(value, list) else value for key, value in row.items()}
 
 
-def _newton_table(steps: Sequence[LoadStepRow]) -> tuple[Table, ...]:
-    """What Newton's method took, of at most so many load steps as can be read."""
-    if not steps:
-        return ()
-    columns = (
-        "Body", "Frame", "Load", "Greatest displacement / mm", "By linear theory / mm", "Steps",
-        "Iterations", "Iterations of the linear solver", "Estimated error", "Stored / J",
-        "Work / J",
-    )  # fmt: skip
-    shown = np.unique(np.linspace(0, len(steps) - 1, min(len(steps), _MOST_ROWS)).astype(int))
-    rows = tuple(
-        (one.body, str(one.frame), f"{one.factor:g}", number(one.moved_mm, 5),
-         number(one.linear_mm, 5), str(one.substeps), str(one.iterations),
-         str(one.solver_iterations), f"{one.error_estimate:.1e}", number(one.stored_J, 4),
-         number(one.work_J, 4))
-        for one in (steps[k] for k in shown)
-    )  # fmt: skip
-    return (Table("Newton's method", columns, rows),)
-
-
-def _mode_table(modes: Sequence[Mapping[str, Any]]) -> tuple[Table, ...]:
-    """Frequencies and effective masses, or critical load factors, of the first modes."""
-    if not modes:
-        return ()
-    columns = tuple(f"{key[0].upper()}{key[1:].replace('_', ' ')}" for key in modes[0])
-    rows = tuple(
-        tuple(f"{v:.6g}" if isinstance(v, float) else str(v) for v in one.values())
-        for one in modes[:_MOST_ROWS]
-    )
-    return (Table("Modes", columns, rows),)
-
-
-def _lowest(modes: Sequence[Mapping[str, Any]]) -> dict[str, tuple[str, str]]:
-    """A card for the lowest mode of each body."""
-    firsts = [[*one.items()] for one in modes if one["mode"] == 1]
-    return {
-        f"Lowest {what.partition('_')[0]}, {body}": (
-            f"{number(value, 5)} {what.partition('_')[2]}", "mode 1"
-        )
-        for (_, body), _, (what, value), *_ in firsts
-    }  # fmt: skip
-
-
 def _highlights(fields: Sequence[FieldPicture]) -> dict[str, tuple[str, str]]:
     """The largest displacement and stress, of several frames that are shown."""
     cards = {}
@@ -368,27 +330,30 @@ def _published(scene: Scene, measurements: Sequence[Measurement]) -> tuple[Publi
     return tuple(rows)
 
 
-def _pairs(scene: Scene, out: Path, told: Sequence[Reported]) -> tuple[FramePair, ...]:
+def _pairs(scene: Scene, out: Path, told: Sequence[Reported], shown: int) -> tuple[FramePair, ...]:
+    """Each camera's pictures of frame 0 and the one that is ``shown`` beside it; of what was
+    ``told`` crops are those of the last frame."""
     factors, last = scene.analysis.load_factors, len(scene.analysis.frame_values) - 1
     objects = [thing for body in scene.bodies for thing in (*body.loads, *body.supports)]
     own = any(thing.amplitude != factors for thing in objects)  # the factors don't tell all then
-    word = frame_word(scene).replace("_", " ")
-    first, then = (frame_text(scene, frame) for frame in (0, last))
-    when = f"frames 0 and {last}" if own else f"{first} and {then.removeprefix(f'{word} ')}"
+    word, told_of = scene.analysis.word.replace("_", " "), scene.analysis.frame_text
+    first, then = told_of(0), told_of(shown)
+    when = f"frames 0 and {shown}" if own else f"{first} and {then.removeprefix(f'{word} ')}"
     pairs = []
     for camera in scene.cameras:
-        paths = [image_path(scene, out, camera.name, k) for k in (0, last)]
+        paths = [image_path(scene, out, camera.name, k) for k in (0, shown)]
         if last == 0 or not all(path.is_file() for path in paths):
             continue
-        crops = [crop for one in told for crop in one.crops.get(camera.name, ())]
+        crops = [crop for one in told for crop in one.crops.get(camera.name, ()) if shown == last]
         columns, rows = camera.resolution
         caption = f"Camera {camera.name}, {columns} x {rows} px; {when}."
         sensor = scene.sensor_of(camera.name)
         bits = 16 if sensor.shift else sensor.bits
         images = [
-            (f"frame {k}" if own else frame_text(scene, k), image_path(scene, out, camera.name, k))
+            (f"frame {k}" if own else told_of(k), image_path(scene, out, camera.name, k))
             for k in range(last + 1)
         ]
         pairs.append(FramePair(camera.name, paths[0], paths[1], caption, tuple(crops[:4]), bits,
-                               tuple(one for one in images if one[1].is_file())))  # fmt: skip
+                               tuple(one for one in images if one[1].is_file()),
+                               "loaded" if scene.analysis.scales_loads else then))  # fmt: skip
     return tuple(pairs)

@@ -17,6 +17,10 @@ from gpusim.scene import Scene
 from gpusim.scene.frames import Shown
 from gpusim.surface import Surface
 
+_MOMENTS = 9
+"""Of an exposure: enough for three periods of a vibration in it, and who is blurred by more isn't
+measured."""
+
 
 @dataclass
 class MovingBodies:
@@ -45,6 +49,21 @@ class MovingBodies:
             for body, (motion, state) in enumerate(zip(self.motions, states, strict=False))
             if isinstance(motion, Vibration) and state is not None
         }
+
+    def drift(self, body: int, frame: int, exposure: float) -> Float:
+        """(N, 3) m by which the mean of nodes over an ``exposure`` (s) around a frame lies off
+        where they are in its middle; 0 of a body that isn't known at any instant."""
+        middle = self.displacement(body, frame)
+        motion, state = self.vibrations(frame).get(body, (None, ()))
+        if motion is None:
+            return np.zeros_like(middle)
+        places, weights = np.polynomial.legendre.leggauss(_MOMENTS)
+        moments = zip(places.tolist(), weights.tolist(), strict=True)
+        mean = sum(
+            0.5 * weight * motion.displacement(motion.later(state, 0.5 * exposure * place))
+            for place, weight in moments
+        )
+        return np.asarray(mean - middle)
 
 
 @dataclass

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from gpusim.motion import Course, Oscillation, Transient
 from gpusim.scene import Scene
-from gpusim.scene.description.model import AnalysisTable
+from gpusim.scene.description.model import AnalysisTable, OscillationTable, TransientTable
 from gpusim.validation import require
 
 if TYPE_CHECKING:
@@ -19,20 +19,15 @@ if TYPE_CHECKING:
 VIBRATION = "solution/vibration.npz"
 Stored = Mapping[str, npt.NDArray[Any]]
 _COURSE = ("times", "values", "rates", "accelerations")
+_OSCILLATION = ("amplitudes", "frequencies", "rest")
 
 
-def oscillation_arrays(motion: Oscillation, body: int) -> dict[str, npt.NDArray[Any]]:
-    """What ``np.savez`` keeps of modes, or of steady vibrations, of a ``body`` (its number)."""
-    return {
-        f"amplitudes{body}": motion.amplitudes,
-        f"frequencies{body}": motion.frequencies,
-        f"rest{body}": motion.rest,
-    }
-
-
-def transient_arrays(motion: Transient, body: int) -> dict[str, npt.NDArray[Any]]:
-    """The same of a motion in time."""
-    known = {name: getattr(motion.course, name) for name in _COURSE} | {"shapes": motion.shapes}
+def vibration_arrays(motion: Oscillation | Transient, body: int) -> dict[str, npt.NDArray[Any]]:
+    """What ``np.savez`` keeps of a motion of a ``body`` (its number)."""
+    if isinstance(motion, Oscillation):
+        known = {name: getattr(motion, name) for name in _OSCILLATION}
+    else:
+        known = {name: getattr(motion.course, name) for name in _COURSE} | {"shapes": motion.shapes}
     return {f"{name}{body}": values for name, values in known.items() if values is not None}
 
 
@@ -43,7 +38,7 @@ def stored_vibration(
 
     Raises InputError where there is no such mode, KeyError or ValueError for damage.
     """
-    names = (*_COURSE, "shapes", "amplitudes", "frequencies", "rest")
+    names = (*_COURSE, "shapes", *_OSCILLATION)
     known = {key: stored[f"{key}{body}"] for key in names if f"{key}{body}" in stored}
     for key, values in known.items():
         if not np.isfinite(values).all():
@@ -51,15 +46,15 @@ def stored_vibration(
     if "times" in known:
         shapes = known.pop("shapes", None)
         return Transient(Course(**known), shapes)
-    if "amplitudes" not in known:
+    if "amplitudes" not in known or not isinstance(analysis, OscillationTable):
         return None
-    amplitudes, shown = known["amplitudes"], analysis.shown_modes
+    amplitudes, shown = known["amplitudes"], analysis.shown
     what, most = f"analysis.modes: body {name!r}", len(amplitudes)
     require(max(shown) <= most, what, max(shown), f"at most {most}, as many as were found")
     chosen = np.array(shown) - 1
     frequencies = known["frequencies"][chosen]
     # modes have a greatest displacement of 1, vibrations their own
-    scale = 1.0 if analysis.frequencies_Hz else (analysis.amplitude or 1e-3)
+    scale = getattr(analysis, "amplitude", 1.0)
     return Oscillation(shown, scale * amplitudes[chosen], frequencies, known["rest"])
 
 
@@ -67,7 +62,7 @@ def ground_of(scene: Scene) -> Record | None:
     """Accelerations (R, 3) m/s2 of the ground; None where it rests. Raises InputError."""
     from gpusim import fem  # who reads a motion from its file needs no solver
 
-    table = scene.analysis.base_motion
+    table = scene.analysis.base_motion if isinstance(scene.analysis, TransientTable) else None
     if table is None:
         return None
     record = fem.read_record(scene.input(table.path).path)

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from gpusim import fem
 from gpusim.arrays.array_types import Float
+from gpusim.errors import NotConverged
 from gpusim.fem.dynamics.modal_superposition import ModalMotion
 from gpusim.fem.model.history import ENERGIES
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
 from gpusim.motion import Course, Transient
-from gpusim.pipeline.scene_objects.vibrations import ground_of, transient_arrays
-from gpusim.pipeline.stages.mechanics import solve_bodies
-from gpusim.pipeline.stages.vibrations import Vibrations, damping_of, linear_model, place_of
+from gpusim.pipeline.scene_objects.modelling import linear_at_rest
+from gpusim.pipeline.scene_objects.vibrations import ground_of, vibration_arrays
+from gpusim.pipeline.stages.mechanics import solver_arguments
+from gpusim.pipeline.stages.vibrations import Vibrations, damping_of, moving_models, place_of
 from gpusim.report import Chart
 from gpusim.scene import Scene
 
@@ -31,26 +34,25 @@ LOOKS = 100
 
 def transient(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """The motion of each body at the instants of frames, and around them."""
-    frames, around, histories, damping, options = inputs.row
+    _, asked = inputs.row
+    frames, around, how = np.array(asked["frames"]), asked["around"], asked["how"]
+    step = how.get("step")
     ground, found = ground_of(scene), Vibrations()
-    for number, body in enumerate(scene.bodies):
-        if histories[number] is None:
-            continue
-        model, (times, amplitudes, start) = linear_model(inputs, body), histories[number]
+    for number, body, made in moving_models(scene, inputs):
+        model = linear_at_rest(made.model) if how["geometry"] == "linear" else made.displaced
+        times, amplitudes, start = asked["histories"][number]
         initial = None
         if start:
-            (solution,) = solve_bodies(scene.solver, [body], [model], session.options,
-                                       inputs.progress)  # fmt: skip
-            u = np.tensordot(start, solution.u.reshape(len(start), -1, 3), axes=1)
+            solver = solver_arguments(scene.solver, body, session.options, inputs.progress)
+            u = _equilibrium(model, start, how["geometry"], solver, body.name)
             initial = u, np.zeros_like(u)
-        modal, end = options["method"] == "modal", times[-1]
-        instants = _instants(np.array(frames), around, end, around if modal else options["step"])
-        # those of modes cost next to nothing
-        curve = np.union1d(instants, np.linspace(0.0, end, CURVE)) if modal else instants
-        loads = fem.Record(np.array(times), np.array(amplitudes).T)
+        instants = curve = _instants(frames, around, times[-1], around if step is None else step)
+        if step is None:  # those of modes cost next to nothing
+            curve = np.union1d(instants, np.linspace(0.0, times[-1], CURVE))
         history = fem.transient(
-            model, times=curve, loads=loads, damping=damping_of(damping), initial=initial,
-            base=ground, formulation=body.formulation, **options,
+            model, times=curve, loads=fem.Record(np.array(times), np.array(amplitudes).T),
+            damping=damping_of(asked), initial=initial, base=ground,
+            formulation=body.formulation, **how,
         )  # fmt: skip
         found.take(body, history, f"{history.message}; energy to {history.energy.drift:.1e}")
         if history.modal is None:
@@ -58,9 +60,23 @@ def transient(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
         else:
             motion = _superposed(history.modal, instants, around)
         motion = motion if ground is None else _on_ground(motion, ground)
-        found.arrays |= transient_arrays(motion, number)
+        found.arrays |= vibration_arrays(motion, number)
         found.charts += _charts(body.name, history)
     return found.result(session, "; ".join(dict.fromkeys(found.facts.values())))
+
+
+def _equilibrium(
+    model: fem.Model, weights: Sequence[float], geometry: str, solver: dict[str, Any], name: str
+) -> Float:
+    """(N, 3) under the load cases by their ``weights``. Raises NotConverged, with the body's
+    ``name``."""
+    if geometry == "nonlinear":
+        solver |= {"geometry": geometry, "factors": [weights]}
+    solution = fem.solve(model, **solver)
+    if not solution.converged:
+        raise NotConverged(f"solve, body {name!r}: {solution.message}")
+    u = solution.u.reshape(-1, *model.mesh.points.shape)
+    return u[-1] if geometry == "nonlinear" else np.tensordot(weights, u, axes=1)
 
 
 def _on_ground(motion: Transient, ground: fem.Record) -> Transient:

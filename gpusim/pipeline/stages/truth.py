@@ -27,7 +27,7 @@ from gpusim.pipeline.scene_objects.cameras import build_camera, build_shutter, o
 from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects, scene_objects
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
-from gpusim.scene.frames import FrameTable, frame_word
+from gpusim.scene.frames import FrameTable
 
 Sight = tuple[Frame, Window]
 _WHOLE, _PART = "truth.h5", ".truth.h5"
@@ -53,7 +53,7 @@ def truth(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     }
     with TruthWriter(path, regions=regions, attributes=attributes) as file:
         if bodies:
-            _write_nodes(file, objects, frames, frame_word(scene))
+            _write_nodes(file, objects, frames, scene.analysis.word)
         for number, (stage, names) in enumerate(made.items()):
             inputs.progress(number / len(made), f"takes in {', '.join(names)}")
             with inputs.open(stage, _PART) as part:
@@ -71,7 +71,7 @@ def seen(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     path = inputs.new_file(_PART)
     with TruthWriter(path) as file:
         _write_cameras(file, scene)
-        _write_frames(file, objects, frames, frame_word(scene), session, inputs.progress)
+        _write_frames(file, objects, frames, scene.analysis.word, session, inputs.progress)
     return StageResult({_PART: path}, notes_of(adapter=session.adapter), f"{len(frames)} frames")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from typing import Any
@@ -18,12 +18,8 @@ from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
 from gpusim.motion import Oscillation, Transient
 from gpusim.pipeline.notes import notes_of
-from gpusim.pipeline.scene_objects.modelling import linear_at_rest
-from gpusim.pipeline.scene_objects.vibrations import (
-    VIBRATION,
-    oscillation_arrays,
-    stored_vibration,
-)
+from gpusim.pipeline.scene_objects.modelling import BodyModel, linear_at_rest
+from gpusim.pipeline.scene_objects.vibrations import VIBRATION, stored_vibration, vibration_arrays
 from gpusim.pipeline.stages.mechanics import save_arrays, solve_bodies
 from gpusim.report import Chart
 from gpusim.scene import Scene
@@ -57,15 +53,17 @@ class Vibrations:
     ) -> None:
         """Shapes (n, N, 3) of a body about ``rest``, and what is said of each: ``columns`` (n,)."""
         length = np.linalg.norm(shapes, axis=2).max(axis=1, initial=1e-300)
-        rates = columns.get("frequency_Hz", np.zeros(len(shapes)))
-        numbers = range(1, len(shapes) + 1)
-        motion = Oscillation(numbers, shapes / length[:, None, None], rates, rest)
-        self.arrays |= oscillation_arrays(motion, number)
-        rows = zip(*(values.tolist() for values in columns.values()), strict=True)
-        self.modes += [
-            {"body": body.name, "mode": k, **dict(zip(columns, row, strict=True))}
-            for k, row in enumerate(rows, 1)
-        ]
+        rates, count = columns.get("frequency_Hz", np.zeros(len(shapes))), len(shapes)
+        motion = Oscillation(range(1, count + 1), shapes / length[:, None, None], rates, rest)
+        self.arrays |= vibration_arrays(motion, number)
+        self.tell_modes(body, range(1, count + 1), columns)
+
+    def tell_modes(self, body: Body, names: Iterable[Any], columns: Mapping[str, Float]) -> None:
+        """A row for each mode of those ``names``."""
+        values = [column.tolist() for column in columns.values()]
+        for name, *row in zip(names, *values, strict=True):
+            told = dict(zip(columns, row, strict=True))
+            self.modes.append({"body": body.name, "mode": name, **told})
 
     def result(self, session: Session, words: str) -> StageResult:
         """Of the stage."""
@@ -74,37 +72,39 @@ class Vibrations:
         return StageResult({VIBRATION: partial(save_arrays, self.arrays)}, notes, words)
 
 
-def modes(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
+def modal(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """The lowest modes of each body, or those of a band."""
-    count, band, prestressed, options = inputs.row
+    _, asked = inputs.row
     found = Vibrations()
-    for number, body in enumerate(scene.bodies):
-        model, solution = linear_model(inputs, body), None
+    for number, body, made in moving_models(scene, inputs):
+        model, solution = linear_at_rest(made.model), None
         rest = np.zeros(model.mesh.points.shape)
-        if prestressed:
+        if asked["prestress"]:
             (solution,) = solve_bodies(scene.solver, [body], [model], session.options,
                                        inputs.progress)  # fmt: skip
             rest = solution.u
-        wanted = {"band": tuple(band)} if band else {"count": count}
-        result = _elastic(model, body, wanted, {**options, "prestress": solution})
+        result = _elastic(model, body, asked, solution)
         free = int(np.count_nonzero(result.frequencies == 0.0))
         found.take(body, result, f"{len(result.frequencies) - free} modes, {result.method}")
-        if free:
-            found.facts[f"free, {body.name}"] = ", ".join(result.rigid)
         shares = 100.0 * result.effective_mass / np.maximum(result.total_mass, 1e-300)
         columns = {"frequency_Hz": result.frequencies, "error": result.error_estimate}
         columns |= {name: shares[:, k].round(4) for k, name in enumerate(MASSES)}
-        elastic = {name: values[free:] for name, values in columns.items()}
+        rigid, elastic = (
+            {name: values[rows] for name, values in columns.items()}
+            for rows in (slice(free), slice(free, None))
+        )
+        found.tell_modes(body, result.rigid, rigid)
         found.take_modes(number, body, elastic, result.shapes[free:], rest)
     return found.result(session, f"{len(found.modes)} modes")
 
 
 def buckling(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """The lowest critical load factors of each body."""
+    _, asked = inputs.row
     found = Vibrations()
-    for number, body in enumerate(scene.bodies):
-        model = linear_model(inputs, body)
-        result = fem.buckling(model, inputs.row[0], formulation=body.formulation)
+    for number, body, made in moving_models(scene, inputs):
+        model = linear_at_rest(made.model)
+        result = fem.buckling(model, asked["count"], formulation=body.formulation)
         found.take(body, result, f"{len(result.factors)} critical loads, {result.method}")
         columns = {"load_factor": result.factors, "error": result.error_estimate}
         rest = np.zeros(model.mesh.points.shape)
@@ -114,30 +114,27 @@ def buckling(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
 
 def harmonic(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """The steady vibration of each body at some frequencies, and how it varies over a band."""
-    frequencies, band, damping, options = inputs.row
-    found, shown = Vibrations(), len(frequencies)
+    _, asked = inputs.row
+    frequencies, band = asked["frequencies_Hz"], asked.get("band_Hz")
+    found, shown = Vibrations(), slice(len(frequencies))
     curve = np.linspace(band[0], band[1], RESPONSES) if band else np.zeros(0)
-    for number, body in enumerate(scene.bodies):
-        model = linear_model(inputs, body)
+    shaker = shaker_of(asked.get("base_motion"))
+    for number, body, made in moving_models(scene, inputs):
+        model = linear_at_rest(made.model)
         result = fem.harmonic(
-            model, [*frequencies, *curve], damping=damping_of(damping),
-            formulation=body.formulation, **options,
+            model, [*frequencies, *curve], loads=np.ones(len(model.load_cases)), base=shaker,
+            damping=damping_of(asked), count=asked["count"], mass=asked["mass"],
+            formulation=body.formulation,
         )  # fmt: skip
         lacking = float(result.truncation.max())
         found.facts[f"solved, {body.name}"] = f"modes lack {lacking:.1e} of the response at most"
-        u = np.tensordot(result.coordinates[:shown], result.shapes, axes=1)
-        rest = np.zeros(model.mesh.points.shape)
-        motion = Oscillation(range(1, shown + 1), u, np.array(frequencies), rest)
-        found.arrays |= oscillation_arrays(motion, number)
+        seen, still = result.absolute(), np.zeros(model.mesh.points.shape)
+        u = np.tensordot(seen.coordinates[shown], seen.shapes, axes=1)
+        motion = Oscillation(range(1, len(u) + 1), u, np.array(frequencies), still)
+        found.arrays |= vibration_arrays(motion, number)
         if band:
-            node = int((np.abs(u) ** 2).sum(axis=(0, 2)).argmax())
-            answer = np.abs(result.coordinates[shown:] @ result.shapes[:, node])
-            curves = {axis: (1e3 * answer[:, k]).tolist() for k, axis in enumerate("xyz")}
-            found.charts.append(
-                Chart(f"Response, {body.name}", f"Amplitude of {place_of(model, node)}.",
-                      "Frequency (Hz)", "Amplitude (mm)", curve.tolist(), curves, log=True)
-            )  # fmt: skip
-    return found.result(session, f"{shown} frequencies, {RESPONSES if band else 0} of a curve")
+            found.charts.append(_response(body, result, curve))
+    return found.result(session, f"{len(frequencies)} frequencies, {len(curve)} of a curve")
 
 
 def vibration(scene: Scene, inputs: Inputs, session: Session) -> Oscillation | Transient | None:
@@ -147,32 +144,61 @@ def vibration(scene: Scene, inputs: Inputs, session: Session) -> Oscillation | T
         return stored_vibration(stored, number, name, scene.analysis)
 
 
-def linear_model(inputs: Inputs, body: Body) -> fem.Model:
-    """What a body is solved as, about its state at rest."""
-    return linear_at_rest(inputs[f"model/{body.name}"].model)
+def moving_models(scene: Scene, inputs: Inputs) -> Iterator[tuple[int, Body, BodyModel]]:
+    """The bodies that move, with their numbers, and what they are solved as."""
+    moved, *_ = inputs.row
+    for number, body in enumerate(scene.bodies):
+        if moved[number]:
+            yield number, body, inputs[f"model/{body.name}"]
 
 
 def _elastic(
-    model: fem.Model, body: Body, wanted: Mapping[str, Any], options: Mapping[str, Any]
+    model: fem.Model, body: Body, asked: Mapping[str, Any], prestress: fem.Solution | None
 ) -> fem.Modes:
-    """Modes, rigid-body ones beside those that are ``wanted``."""
-    asked, free = dict(wanted), 0
+    """Modes that are ``asked`` for, and rigid-body ones beside them."""
+    options = {"formulation": body.formulation, "mass": asked["mass"], "prestress": prestress}
+    if "band_Hz" in asked:
+        return fem.modes(model, band=tuple(asked["band_Hz"]), **options)
+    free = 0
     while True:
-        result = fem.modes(model, formulation=body.formulation, **asked, **options)
-        if "count" not in asked or len(result.rigid) <= free:
+        result = fem.modes(model, asked["count"] + free, **options)
+        if len(result.rigid) <= free:
             return result
         free = len(result.rigid)
-        asked["count"] = wanted["count"] + free
 
 
-def damping_of(given: Mapping[str, float]) -> Any:
-    """What an [analysis] damping says; nothing where it is empty."""
+def _response(body: Body, result: fem.HarmonicResponse, frequencies: Float) -> Chart:
+    """Over the last ``frequencies``, at the node that moves most at those before them."""
+    first = len(result.frequencies) - len(frequencies)
+    most = np.tensordot(result.coordinates[:first], result.shapes, axes=1)
+    node = int((np.abs(most) ** 2).sum(axis=(0, 2)).argmax())
+    amplitude = 1e3 * np.abs(result.coordinates[first:] @ result.shapes[:, node])
+    about = "Amplitude of " + place_of(result.model, node)
+    about += "." if result.base is None else ", relative to the shaker."
+    return Chart(
+        f"Response, {body.name}", about,
+        "Frequency (Hz)", "Amplitude (mm)", frequencies.tolist(),
+        {axis: amplitude[:, k].tolist() for k, axis in enumerate("xyz")}, log=True,
+    )  # fmt: skip
+
+
+def damping_of(asked: Mapping[str, Any]) -> Any:
+    """What an [analysis] says of damping, if anything."""
+    given = asked.get("damping", {})
     if "ratio" in given:
         return fem.ModalDamping(given["ratio"])
     if "loss_factor" in given:
         return fem.StructuralDamping(given["loss_factor"])
     rates = [given.get(f"rayleigh_{key}", 0.0) for key in ("mass_per_s", "stiffness_s")]
     return fem.Rayleigh(*rates) if given else None
+
+
+def shaker_of(table: Mapping[str, Any] | None) -> Float | None:
+    """(3,) m/s2, the amplitude of a shaker's acceleration; None where there is none."""
+    if table is None:
+        return None
+    direction = np.array(table["direction"])
+    return np.asarray(table["acceleration_m_s2"] / np.linalg.norm(direction) * direction)
 
 
 def place_of(model: fem.Model, node: int) -> str:

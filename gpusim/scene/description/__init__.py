@@ -2,10 +2,8 @@
 
 In the order in which data passes:
 
-- `table`: What every table shares: strictness, names, numbers, directions, units.
-- `colors`: Colours: a grey number, a list of red, green and blue, "#rrggbb"; finishes by name.
 - `material`: ``[[material]]``: elasticity, density and thermal expansion.
-- `loads`: What holds and moves a body, and ``where``.
+- `analysis`: What is computed, for which frames; what holds and moves a body, and ``where``.
 - `mesh`: How a body's mesh is made, or read.
 - `ground`: What every paint says: where it is, how its ground shines, how a pattern lies on faces.
 - `targets`: Targets of photogrammetry and of lens tests.
@@ -15,7 +13,6 @@ In the order in which data passes:
 - `lens`: What a real camera does to a pinhole's image.
 - `sensor`: From radiance to grey values.
 - `camera`: From where a scene is seen.
-- `analysis`: What is computed, and the frames that it is computed for.
 - `processing`: How far it is solved and rendered, what is written, and states that are compared.
 - `measure_table`: What every ``[[measure]]`` says, and the kinds that there are.
 - `correlation_measures`: The tables of ``[[measure]]`` that correlate pictures: what all of them

@@ -6,9 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .lens import LensTable, ShutterTable
-from .sensor import CameraSensorTable, Gains, SensorTable, merged
-from .table import (
+from gpusim.scene.tables.table import (
     Direction,
     Length,
     Listed,
@@ -24,6 +22,9 @@ from .table import (
     norm,
     parallel,
 )
+
+from .lens import LensTable, ShutterTable
+from .sensor import CameraSensorTable, Gains, SensorTable, merged
 
 PIXEL_SQUARE = 1e-3
 Side = Annotated[int, Field(ge=1, le=65535)]

@@ -9,10 +9,20 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from gpusim.choices import LensModel, SurfaceStrain
+from gpusim.scene.tables.table import (
+    Length,
+    Listed,
+    Name,
+    Names,
+    Pair,
+    PositivePair,
+    Vector,
+    Words,
+    fault,
+)
 
-from .analysis import frame_count
+from .analysis.analysis_table import frame_count
 from .measure_table import MeasureFault, MeasureTable
-from .table import Length, Listed, Name, Names, Pair, PositivePair, Vector, Words, fault
 
 Step = Annotated[int, Field(ge=1, le=1000)]
 

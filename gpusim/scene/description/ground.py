@@ -8,9 +8,9 @@ from typing import Annotated, Any, ClassVar, Literal, cast
 
 from pydantic import Field, model_validator
 
-from .colors import FINISHES, FinishName, SceneColor, Shade
-from .loads import WhereTable
-from .table import (
+from gpusim.scene.tables.colors import SceneColor, Shade
+from gpusim.scene.tables.finishes import FINISHES, FinishName
+from gpusim.scene.tables.table import (
     Direction,
     Length,
     Name,
@@ -25,6 +25,8 @@ from .table import (
     name_and_unit,
     parallel,
 )
+
+from .analysis.loads import WhereTable
 
 _STEEPEST = 0.35
 _PLACES = {"positions_mm", "origin_mm", "path"}

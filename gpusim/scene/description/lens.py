@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .table import Length, Listed, Numbers, Table, Words, fault
+from gpusim.scene.tables.table import Length, Listed, Numbers, Table, Words, fault
 
 Rows = Annotated[tuple[Numbers, ...], Listed(1, 401)]
 

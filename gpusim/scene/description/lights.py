@@ -9,8 +9,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .colors import TintedTable
-from .table import (
+from gpusim.scene.tables.colors import TintedTable
+from gpusim.scene.tables.table import (
     Direction,
     Length,
     Name,

@@ -7,14 +7,9 @@ what measures by it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import reduce
-from operator import or_
-from typing import Annotated, Any, ClassVar, get_args
+from typing import Any, ClassVar, get_args
 
-from pydantic import Field, GetCoreSchemaHandler
-from pydantic_core import CoreSchema
-
-from .table import Name, Table
+from gpusim.scene.tables.table import Name, Table
 
 Entry = Mapping[str, Any]
 MeasureFault = tuple[tuple[str | int, ...], str, Any, str]
@@ -88,13 +83,3 @@ class MeasureTable(Table):
 
 TABLES: dict[str, type[MeasureTable]] = {}
 """The tables of all kinds by their ``type``; `gpusim.scene.measure_kinds.add_kind` adds one."""
-
-
-class AnyKind:
-    """Marks what may be the table of any kind."""
-
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        tables: Any = reduce(or_, TABLES.values())
-        return handler.generate_schema(Annotated[tables, Field(discriminator="type")])

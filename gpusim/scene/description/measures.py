@@ -8,17 +8,8 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from gpusim.choices import LensModel
-
-from .correlation_measures import (
-    CorrelationTable,
-    ExtensometerTable,
-    GaugeTable,
-    LineMeasureTable,
-    PointMeasureTable,
-)
-from .loads import WhereTable
-from .measure_table import TABLES, AnyKind, MeasureFault, MeasureTable
-from .table import (
+from gpusim.scene.tables.table import (
+    AnyOf,
     Length,
     Listed,
     Name,
@@ -33,6 +24,16 @@ from .table import (
     norm,
     tables_of,
 )
+
+from .analysis.loads import WhereTable
+from .correlation_measures import (
+    CorrelationTable,
+    ExtensometerTable,
+    GaugeTable,
+    LineMeasureTable,
+    PointMeasureTable,
+)
+from .measure_table import TABLES, MeasureFault, MeasureTable
 
 
 class PublishedTable(Table):
@@ -284,5 +285,5 @@ TABLES.update(
         PointMeasureTable, DamageTable,
     )
 )  # fmt: skip
-AnyMeasure = Annotated[MeasureTable, AnyKind()]
+AnyMeasure = Annotated[MeasureTable, AnyOf(TABLES)]
 """The table of any kind."""

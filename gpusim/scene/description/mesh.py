@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .table import (
+from gpusim.scene.tables.table import (
     Axis,
     FileUnit,
     Length,

@@ -7,7 +7,28 @@ plane of the faces it falls on, seen from outside) is None for +z, or +y on a pl
 horizontal.
 """
 
-from .analysis import AnalysisTable, AnalysisType
+from gpusim.scene.tables.table import Vec3
+
+from .analysis.analysis_table import AnalysisTable
+from .analysis.loads import (
+    Amplitude,
+    CentrifugalTable,
+    ForceTable,
+    GravityTable,
+    LineForceTable,
+    Load,
+    LoadTable,
+    NodalForceTable,
+    PressureTable,
+    SupportTable,
+    ThermalTable,
+    TieTable,
+    TractionTable,
+    WhereTable,
+)
+from .analysis.statics import StaticTable
+from .analysis.transient import TransientTable
+from .analysis.vibrations import OscillationTable
 from .camera import CameraTable
 from .correlation_measures import (
     CorrelationTable,
@@ -28,22 +49,6 @@ from .lights import (
     PointTable,
     SpotTable,
     SunTable,
-)
-from .loads import (
-    Amplitude,
-    CentrifugalTable,
-    ForceTable,
-    GravityTable,
-    LineForceTable,
-    Load,
-    LoadTable,
-    NodalForceTable,
-    PressureTable,
-    SupportTable,
-    ThermalTable,
-    TieTable,
-    TractionTable,
-    WhereTable,
 )
 from .material import FLOWING, NO_FLOW, MaterialTable
 from .measure_table import MeasureTable
@@ -90,5 +95,4 @@ from .processing import (
 from .prop import BoxTable, CalibrationTable, PlateTable, PoseTable, Prop, PropTable, ShapeTable
 from .scene_table import Body, Part, SceneTable
 from .sensor import CameraSensorTable, Gains, SensorTable
-from .table import Vec3
 from .targets import ArucoTable, CharucoTable, CirclesTable, LinesTable, RingCodesTable, StarTable

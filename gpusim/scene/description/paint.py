@@ -14,9 +14,8 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
-from .colors import Shade
-from .ground import PaintedTable, PatternedTable
-from .table import (
+from gpusim.scene.tables.colors import Shade
+from gpusim.scene.tables.table import (
     Count,
     Length,
     Listed,
@@ -30,6 +29,8 @@ from .table import (
     in_si,
     norm,
 )
+
+from .ground import PaintedTable, PatternedTable
 from .targets import (
     ArucoTable,
     CharucoTable,

@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from .colors import Tint
-from .table import Listed, Name, Table
+from gpusim.scene.tables.colors import Tint
+from gpusim.scene.tables.table import Listed, Name, Table
 
 TruthLayer = Literal[
     "reference",

@@ -6,9 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from .mesh import MESH_SUFFIXES, InFileUnitsTable
-from .paint import MarkersTable, Paint, PaintTable, not_by_uv
-from .table import (
+from gpusim.scene.tables.table import (
     Direction,
     FileUnit,
     Listed,
@@ -27,6 +25,9 @@ from .table import (
     parallel,
     unit,
 )
+
+from .mesh import MESH_SUFFIXES, InFileUnitsTable
+from .paint import MarkersTable, Paint, PaintTable, not_by_uv
 
 # Files of faces alone; said here too, because a plan loads no numerics.
 SURFACE_SUFFIXES = (".stl", ".ply", ".obj", ".off", ".glb", ".gltf")

@@ -8,10 +8,15 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .analysis import AnalysisTable
+from gpusim.scene.tables.table import Listed, Name, Table, Words, fault
+
+from .analysis.analysis_table import TABLES, AnyAnalysis
+from .analysis.loads import Amplitude, Load, LoadTable, SupportTable, TieTable, WhereTable
+from .analysis.statics import FieldTable, StaticTable
+from .analysis.transient import TransientTable
+from .analysis.vibrations import BucklingTable, HarmonicTable, ModalTable
 from .camera import CameraTable
 from .lights import LightTable
-from .loads import Amplitude, Load, LoadTable, SupportTable, TieTable, WhereTable
 from .material import MaterialTable
 from .measures import AnyMeasure
 from .mesh import (
@@ -26,7 +31,6 @@ from .paint import Paint, PaintTable, not_by_uv
 from .processing import OutputTable, RenderTable, SolverTable, VariantTable
 from .prop import CalibrationTable, PropTable
 from .sensor import SensorTable
-from .table import Listed, Name, Table, Words, fault
 
 
 @dataclass(frozen=True)
@@ -195,6 +199,12 @@ class BodyTable(Table):
         )
 
 
+TABLES.update(
+    static=StaticTable, field=FieldTable, modal=ModalTable, transient=TransientTable,
+    harmonic=HarmonicTable, buckling=BucklingTable,
+)  # fmt: skip
+
+
 class SceneTable(Table):
     """A gpusim scene: structure, loads, cameras, lights, and what to measure.
 
@@ -232,7 +242,7 @@ class SceneTable(Table):
     """Deformable bodies, which are solved and seen."""
     prop: Annotated[tuple[PropTable, ...], Listed()] = ()
     """Rigid things in the picture: walls, boards, machines."""
-    analysis: AnalysisTable = AnalysisTable()
+    analysis: AnyAnalysis = StaticTable()
     """What is computed, and the frames that it is computed for."""
     solver: SolverTable = SolverTable()
     """How far to solve."""

@@ -15,7 +15,15 @@ from pydantic import (
     model_validator,
 )
 
-from .table import Length, Listed, Seed, Table, add_descriptions, fault, name_and_unit
+from gpusim.scene.tables.table import (
+    Length,
+    Listed,
+    Seed,
+    Table,
+    add_descriptions,
+    fault,
+    name_and_unit,
+)
 
 Some = Annotated[float, Field(ge=0)] | None
 Most = Annotated[float, Field(gt=0)] | None

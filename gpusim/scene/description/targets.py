@@ -7,9 +7,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from .colors import Shade
+from gpusim.scene.tables.colors import Shade
+from gpusim.scene.tables.table import Count, Length, Listed, Vec3, Vector, fault
+
 from .ground import PatternedTable
-from .table import Count, Length, Listed, Vec3, Vector, fault
 
 Places = Annotated[tuple[Vector, ...], Listed(1)]
 Codes = Annotated[tuple[Annotated[int, Field(ge=0)], ...], Listed()]

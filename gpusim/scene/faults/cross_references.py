@@ -10,11 +10,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from gpusim.errors import Fault, similar_name
-from gpusim.scene.description.analysis import ANALYSIS_TYPES, frame_count
+from gpusim.scene.description.analysis.analysis_table import TABLES as ANALYSES
+from gpusim.scene.description.analysis.analysis_table import frame_count
 from gpusim.scene.description.material import FINITE_STRAIN, FLOWING, NO_FLOW
 from gpusim.scene.description.measure_table import TABLES
 from gpusim.scene.description.mesh import NOTCHABLE, SETS
-from gpusim.scene.description.table import Words, tables_of
+from gpusim.scene.tables.table import Words, tables_of
 
 from .faults import value_text
 from .key_paths import Keys, dotted, listed
@@ -25,7 +26,6 @@ Names = dict[str, None]  # in their order, and quick to look up
 Item = tuple[int, dict[str, Any]]
 _BITS = 31  # of a truth layer
 _DICE = 10  # cameras in a file of DICe's
-_OF_FRAMES = ("load_factors", "times", "duration_s")  # keys that say how many there are
 _OF_TYPE = "measure of a "
 _SHADOWS = 32  # lamps that the renderer looks for shadows of
 _HINTS = 50  # faults whose nearest word is looked for, which takes a while where there are many
@@ -93,10 +93,9 @@ class _Checks:
         self.document, self.found = document, Found()
         self.analysis = _table(document, "analysis")
         kind = "" if self.analysis is None else str(self.analysis.get("type", "static"))
-        self.analysis_type = ANALYSIS_TYPES.get(kind)
+        self.analysis_type = ANALYSES.get(kind)
         self.frames = frame_count(self.analysis)
-        keys = self.analysis_type.keys if self.analysis_type else ()
-        self.frames_key = next((key for key in keys if key in _OF_FRAMES), "type")
+        self.frames_key = self.analysis_type.frames_key if self.analysis_type else "type"
         lists = ("material", "body", "prop", "camera", "measure", "variant")
         self.materials, self.bodies, self.props, self.cameras, self.measures, self.variants = (
             list(tables_of(document, key)) for key in lists
@@ -361,7 +360,7 @@ class _Checks:
                 continue
             if rate is None and not (self.analysis_type and self.analysis_type.vibrates):
                 got, wanted = Words("a shutter"), "analysis.frame_rate_Hz beside it"
-                if self.analysis_type and "frame_rate_Hz" not in self.analysis_type.keys:
+                if self.analysis_type and "frame_rate_Hz" not in self.analysis_type.model_fields:
                     wanted = "no shutter: frames show shapes, and nothing moves from one to another"
                 self.add(at, "without a time between frames", got, wanted)
                 continue

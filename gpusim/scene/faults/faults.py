@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from gpusim.errors import Fault, InputError, similar_name
 from gpusim.printable import printable
-from gpusim.scene.description.table import Words, name_and_unit
+from gpusim.scene.tables.table import Words, name_and_unit
 
 from .key_paths import Keys, Origins, dotted, origin_of
 from .schema_places import Place, expected, locate
@@ -89,12 +89,16 @@ def _fault(
         return Fault(key, context["problem"], value_text(context["got"]), context["expected"])
     if kind == "extra_forbidden":
         near = similar_name(str(place.keys[-1]), place.valid_keys)
+        if others := place.kinds_with_key:
+            near = ""
         keys = "" if near else "one of " + ", ".join(place.valid_keys)
         if key in _WAYS_OUT:
             return Fault(key, "no such key yet", hint=_WAYS_OUT[key])
         if key in _OF_BODIES:
             return Fault(key, "unknown key", hint=f"did you mean body.{key}?")
-        return Fault(key, "unknown key", "", keys, _did_you_mean(near))
+        named = " or ".join(f'"{one}"' for one in others)
+        hint = f"a key of {named}" if others else _did_you_mean(near)
+        return Fault(key, "unknown key", "", keys, hint)
     if kind == "missing":
         return Fault(key, "missing", "", _wanted(place))
     if kind == "union_tag_not_found":

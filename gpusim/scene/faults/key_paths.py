@@ -9,7 +9,7 @@ from itertools import islice
 from typing import Any
 
 from gpusim.errors import Fault, similar_name
-from gpusim.scene.description.colors import NamedFinish
+from gpusim.scene.tables.finishes import NamedFinish
 
 DEEPEST = 16
 """Levels of tables and lists, and of a dotted key."""

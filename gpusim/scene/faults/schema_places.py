@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from textwrap import shorten
 from typing import Any
@@ -43,12 +43,19 @@ class Place:
     value there.
 
     ``choice``: which of the types that the value may have is meant, where it may have several.
+    ``kinds``: the tables by their tag of which ``table`` is one.
     """
 
     keys: tuple[str | int, ...]
     table: Node
     value: Node
     choice: str = ""
+    kinds: Mapping[str, Node] = field(default_factory=dict)
+
+    @property
+    def kinds_with_key(self) -> list[str]:
+        """Tags of the tables beside it that have the last key."""
+        return [tag for tag, one in self.kinds.items() if self.keys[-1] in one["properties"]]
 
     @property
     def valid_keys(self) -> list[str]:
@@ -72,21 +79,23 @@ def locate(location: Sequence[str | int]) -> Place:
     keys: list[str | int] = []
     here: Node = cached_schema()
     table = value = here
+    kinds: Mapping[str, Node] = {}
     for step in location:
         here = plain_node(here)
         variants = table_kinds(here)
         if step in variants:
-            here = variants[str(step)]
+            here, kinds = variants[str(step)], variants
             continue
         if isinstance(step, str) and "anyOf" in here:
             return Place(tuple(keys), table, value, step)
         if isinstance(step, int):
             here = here.get("items", {})
         elif "properties" in here:
+            kinds = kinds if here in kinds.values() else {}
             table, here = here, here["properties"].get(step, {})
         value = here
         keys.append(step)
-    return Place(tuple(keys), table, value)
+    return Place(tuple(keys), table, value, kinds=kinds)
 
 
 def _of_reference(reference: str) -> Node:

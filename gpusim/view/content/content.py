@@ -23,7 +23,6 @@ from gpusim.pipeline.scene_objects.solution import SceneSolution
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import LoadGroup, load_groups
 from gpusim.scene.analyses import kind_of
-from gpusim.scene.frames import frame_text
 from gpusim.surface.color import Color, color
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
@@ -137,7 +136,7 @@ class Content:
         """What a slider says of a frame."""
         if self.objects is None or self.frames == 1:
             return ""
-        text = frame_text(self.scene, frame)
+        text = self.scene.analysis.frame_text(frame)
         return f"frame {frame} ({frame + 1} of {self.frames}): {text}"
 
     def solve(

@@ -26,8 +26,8 @@ from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene, load_scene
 from gpusim.scene.cost import Counts
 from gpusim.scene.description.prop import SURFACE_SUFFIXES
-from gpusim.scene.description.table import FileUnit, file_unit, metres
 from gpusim.scene.frames import frame_table
+from gpusim.scene.tables.table import FileUnit, file_unit, metres
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
 from gpusim.validation import require

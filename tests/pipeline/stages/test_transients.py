@@ -67,6 +67,32 @@ def test_steps_are_apart_from_frames() -> None:
     assert "250 time steps for 6 frames" in solve.detail
 
 
+def test_large_displacements_in_time() -> None:
+    """Frames are those of the solver, what is between them its cubics, and a body that is held by
+    its load stays where the nonlinear equilibrium is."""
+    hard = {**PUSH, "force_N": [0.0, 0.0, -1.0e3]}
+    keys = {"method": "generalized-alpha", "geometry": "nonlinear", "count": None, "step_s": 5e-4,
+            "frame_rate_Hz": 500.0, "duration_s": 0.006, "load": [hard]}  # fmt: skip
+    scene = scene_of(**keys, shutter=True)
+    times, around = np.arange(4) * 2e-3, 4e-4
+    history = gs.transient(
+        model_of(scene), times=np.unique(np.r_[0.0, times + around, times[1:] - around, times]),
+        method="generalized-alpha", geometry="nonlinear", step=5e-4,
+    )  # fmt: skip
+    bar, size = scene.solution()["bar"], np.abs(history.u).max()
+    for frame in range(4):
+        assert np.abs(bar.displacement(frame) - history.at(times[frame])[0]).max() <= 1e-9 * size
+    assert np.abs(bar.displacement(2, 2e-4) - history.at(4.2e-3)[0]).max() <= 1e-9 * size
+    (solve,) = (one for one in make_plan(scene).stages if one.name == "solve")
+    assert "nonlinear, 12 time steps for 4 frames" in solve.detail
+    linear = scene_of(**{**keys, "geometry": "linear"}).solution()["bar"]
+    assert np.abs(bar.displacement(3) - linear.displacement(3)).max() > 0.02 * size
+    held = scene_of(**keys, release=[]).solution()["bar"]
+    still = gs.solve(model_of(scene), geometry="nonlinear").u
+    for frame in (0, 3):
+        assert np.abs(held.displacement(frame) - still).max() <= 1e-4 * np.abs(still).max()
+
+
 def test_what_is_let_go_leaves_from_its_equilibrium() -> None:
     weight = {"name": "weight", "type": "gravity"}
     scene = scene_of(load=[weight, PUSH], release=["push"])

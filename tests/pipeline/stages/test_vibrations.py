@@ -70,6 +70,32 @@ def test_a_camera_sees_what_happens_while_its_shutter_is_open(modal: Scene) -> N
     assert objects.around((0,), 0, 0.0) is None
 
 
+def test_what_an_exposure_takes_for_the_place(modal: Scene) -> None:
+    """Its mean: of a cosine that is in its middle at rest sin x / x of the amplitude, x being half
+    the angle that passes while the shutter is open."""
+    objects = scene_contents(modal)
+    motion, state = objects.vibrations(5)[0]
+    rate, amplitude = gs.modes(model_of(modal), 4).frequencies[2], motion.displacement(state)
+    for periods in (0.05, 0.4, 2.5):
+        mean = amplitude + objects.drift(0, 5, periods / rate)
+        assert np.abs(mean - np.sinc(periods) * amplitude).max() <= 2e-4 * np.abs(amplitude).max()
+    assert not objects.drift(0, 0, 0.01).any(), "in frame 0 it rests"
+
+
+def test_a_blurred_motion_is_named_as_the_cause(tmp_path: Path) -> None:
+    """143 Hz: the first bending mode is a fifth of a period on the way in 1.5 ms."""
+    camera = {**DOCUMENT["camera"][0], "shutter": {"exposure_ms": 1.5}}
+    shape = {"type": "modal", "count": 2, "modes": [1], "phases": 1, "amplitude_mm": 1.0}
+    body = {**BODY, "load": []}
+    scene = scene_of(shape, body, camera=[camera], measure=DOCUMENT["measure"])
+    report = gs.run(scene, tmp_path / "out", backend="numpy")
+    (tip,) = [one for one in report.measurements if one.name.endswith(", -z")]
+    rate = report.modes[0]["frequency_Hz"]
+    missed = float(np.sinc(1.5e-3 * rate)) - 1.0
+    assert abs(tip.measured / tip.truth - 1.0 - missed) <= 0.1 * abs(missed) + 2e-3
+    assert any("the shutter is open while it moves" in text for text in report.warnings)
+
+
 def test_loads_stiffen_or_weaken() -> None:
     """Frame 0 has the body loaded, and the others vibrate about that."""
     scene = scene_of({"type": "modal", "count": 1, "phases": 2, "prestress": True}, PUSHED)
@@ -114,6 +140,45 @@ def test_a_steady_vibration_lags_behind_its_load() -> None:
         assert np.abs(bar.displacement(frame) - u).max() <= 1e-9 * np.abs(found.u).max()
 
 
+def test_a_rod_on_a_shaker() -> None:
+    """Shaken along its axis: the ends of a slender rod move as 1 to 1 / cos(k L)."""
+    slack, length, rates = 0.1, 0.24, [4000.0, 5300.0]
+    material = [{**DOCUMENT["material"][0], "poissons_ratio": 0.0}]
+    shaker = {"acceleration_m_s2": 50.0, "direction": [2.0, 0.0, 0.0]}
+    scene = scene_of(
+        {"type": "harmonic", "frequencies_Hz": rates, "phases": 4, "base_motion": shaker,
+         "damping": {"loss_factor": slack}, "count": 40, "band_Hz": [10.0, 5000.0]},
+        {**BODY, "load": [], "mesh": {**BODY["mesh"], "divisions": [40, 1, 1]}},
+        material=material,
+    )  # fmt: skip
+    bar = scene.solution()["bar"]
+    x, steel = bar.mesh.points[:, 0], scene.materials[0]
+    assert np.isclose(np.ptp(x), length) and not bar.displacement(0).any()
+    speed = np.sqrt(steel.youngs_modulus * (1.0 + 1j * slack) / steel.density)
+    for number, rate in enumerate(rates):
+        angular = 2.0 * np.pi * rate
+        base = -50.0 / angular**2
+        true = base * np.cos(angular / speed * (length - x)) / np.cos(angular / speed * length)
+        for phase in range(4):
+            moved = bar.displacement(1 + 4 * number + phase)
+            off = moved[:, 0] - (true * 1j**phase).real
+            assert np.abs(off).max() <= 2e-3 * np.abs(true).max()
+            assert np.abs(moved[:, 1:]).max() <= 1e-6 * np.abs(true).max()
+            held = np.isclose(x, x.min())
+            assert np.abs(moved[held, 0] - (base * 1j**phase).real).max() <= 1e-12 * abs(base)
+    # at the end of its first quarter of a wave it moves more than the shaker
+    assert np.abs(bar.displacement(6)).max() > 5.0 * 50.0 / (2.0 * np.pi * rates[1]) ** 2
+
+
+def test_a_body_that_nothing_drives_rests() -> None:
+    still = {**BODY, "name": "still", "load": []}
+    still["paint"] = [{**one, "name": f"still-{one['name']}"} for one in BODY["paint"]]
+    given = {"type": "harmonic", "frequencies_Hz": [100.0], "phases": 2, "damping": {"ratio": 0.1}}
+    both = small_scene(analysis=given, body=[BODY, still], measure=[], output={"fields": False})
+    solved = both.solution()
+    assert solved["bar"].displacement(1).any() and not solved["still"].displacement(1).any()
+
+
 def test_a_column_buckles() -> None:
     scene = scene_of({"type": "buckling", "count": 2, "amplitude_mm": 5.0}, PUSHED)
     found = gs.buckling(model_of(scene), 2)
@@ -148,7 +213,7 @@ def test_report_and_window(modal: Scene, tmp_path: Path) -> None:
     first = report.modes[0]
     assert 140.0 < first["frequency_Hz"] < 147.0 and first["error"] <= 1e-8
     assert 60.0 < first["mass_z_percent"] < 65.0 and first["mass_x_percent"] == 0.0
-    (table,) = report.tables
+    (table,) = report.first_tables
     assert table.columns[:3] == ("Body", "Mode", "Frequency Hz")
     assert table.rows[0][:2] == ("bar", "1")
     assert report.highlights["Lowest frequency, bar"][1] == "mode 1"

@@ -65,8 +65,9 @@ def told(scene: Scene, path: str, value: Any) -> str:
         ("analysis.type", "dynamic", 'analysis.type: unknown value; got "dynamic"; expected '
          '"static" (equilibrium), or "field" (displacements that are given), or "modal" (natural '
          'frequencies and mode shapes), or "transient" (motion in time), or "harmonic" (steady '
-         'vibration under loads that swing), or "buckling" (critical load factors); what another '
-         "program has solved goes into [body.field] file, or `gpusim render --field FILE`"),
+         'vibration under loads that swing, or on a shaker), or "buckling" (critical load '
+         "factors); what another program has solved goes into [body.field] file, or `gpusim "
+         "render --field FILE`"),
         ("analysis.geometry", "nonlinaer", 'analysis.geometry: unknown value; got "nonlinaer"; '
          'expected one of "auto", "linear", "nonlinear" (did you mean nonlinear?)'),
         ("load", [{"name": "pull"}], "load: unknown key (did you mean body.load?)"),

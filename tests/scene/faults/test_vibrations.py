@@ -95,22 +95,31 @@ def test_a_shutter_before_what_does_not_move() -> None:
 @pytest.mark.parametrize(
     ("analysis", "line"),
     [
-        ({"type": "transient", "duration_s": 1.0}, "analysis.frame_rate_Hz: missing; got no "
-         "frame_rate_Hz; expected frames per second"),
-        ({**MODAL, "load_factors": [0.0, 2.0]}, 'analysis.load_factors: of an analysis of type '
-         '"modal"; got [0.0, 2.0]; expected type "static", or one of count, band_Hz'),
+        ({"type": "transient", "duration_s": 1.0}, "analysis.frame_rate_Hz: missing; expected "
+         "a number > 0 (the camera's)"),
+        ({**MODAL, "load_factors": [0.0, 2.0]}, 'analysis.load_factors: unknown key; expected '
+         'one of type, count, modes, amplitude_mm, band_Hz, phases, mass, prestress (a key of '
+         '"static")'),
         ({**MODAL, "band_Hz": [10.0, 5.0], "modes": [1]}, "analysis.band_Hz: no band"),
         ({**MODAL, "band_Hz": [10.0, 50.0]}, "analysis.modes: missing beside band_Hz"),
         ({**MODAL, "count": 3, "modes": [4]}, "analysis.modes: more than count; got 4; expected at "
          "most 3"),
-        ({**MODAL, "damping": {"ratio": 0.1}}, 'analysis.damping: of an analysis of type "modal"'),
+        ({**MODAL, "damping": {"ratio": 0.1}}, '(a key of "transient" or "harmonic")'),
         ({**TRANSIENT, "damping": {}}, "analysis.damping: not one kind of damping; got no kind"),
-        ({**TRANSIENT, "damping": {"ratio": 0.1, "loss_factor": 0.1}}, "not one kind of damping; "
+        ({**HARMONIC, "damping": {"ratio": 0.1, "loss_factor": 0.1}}, "not one kind of damping; "
          "got ratio and loss"),
-        ({**TRANSIENT, "damping": {"loss_factor": 0.1}}, "analysis.damping.loss_factor: of an "
-         'analysis of type "transient"'),
+        ({**TRANSIENT, "damping": {"loss_factor": 0.1}}, "analysis.damping.loss_factor: unknown "
+         "key; expected one of ratio, rayleigh_mass_per_s, rayleigh_stiffness_s"),
         ({**TRANSIENT, "step_s": 1e-5}, 'analysis.step_s: of method "modal"; got 1e-05; expected a '
          'method that steps, as "newmark"'),
+        ({**TRANSIENT, "geometry": "nonlinear"}, 'analysis.geometry: of method "modal"'),
+        ({**TRANSIENT, "method": "hht", "damping": {"ratio": 0.0}}, "analysis.damping.ratio: of "
+         'method "hht"; got 0.0; expected Rayleigh'),
+        ({**TRANSIENT, "method": "hht", "geometry": "nonlinear",
+          "damping": {"rayleigh_stiffness_s": 0.1}}, "would damp rotations"),
+        ({**HARMONIC, "base_motion": {"acceleration_m_s2": 0.0, "direction": [0.0, 0.0, 1.0]}},
+         "analysis.base_motion.acceleration_m_s2: out of range; got 0.0"),
+        ({**HARMONIC, "band_Hz": [2.0, 2.0]}, "analysis.band_Hz: no band; got [2.0, 2.0]"),
         ({**TRANSIENT, "method": "hht", "count": 5}, 'analysis.count: of method "hht"'),
         ({**TRANSIENT, "duration_s": 1e6}, "analysis.duration_s: too many frames; got 1e+09 "
          "frames; expected at most 10000"),

@@ -54,16 +54,21 @@ def measure_deflection(
         where = f"in the first image of camera {camera.name!r}"
         expected = "expected two at least: a scale needs two"
         raise GpusimError(f"measure {spec.name!r}: {found} {where}; {expected}")
+    (view,) = (one for one in scene.cameras if one.name == spec.camera)
     axes, plane = image_axes(camera)
     in_plane = [axis[1] for axis in axes]
     position = marks.position[:count]
     scale = measure.scale_coefficient(points[ok], 1e3 * position[ok] @ plane.T)
     depth = camera.to_camera(position)[:, 2]
     start, true = marks.true_motion(objects, [*tracked.frames])
-    frames = {}
+    drift, frames = marks.exposure_drift(objects, view), {}
     for (frame, seen), moved in zip(tracked.frames.items(), true, strict=True):
         shift, measured, sigma = _scaled(seen[0], count, scale)
-        errors = projection_error(camera, position + start, moved, plane, scale=scale, used=ok)
+        errors = projection_error(camera, position, moved, plane, scale=scale, used=ok, start=start)
+        if not start.any():
+            del errors["start"]
+        if drift is not None:
+            errors["exposure"] = 1e3 * (drift[frame] - drift[0]) @ plane.T
         frames[frame] = {
             **tracked.places(seen, least=1),
             **vector_columns("{}_px", ("column", "row"), points),

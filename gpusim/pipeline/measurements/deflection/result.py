@@ -88,6 +88,8 @@ class DeflectionResult(MarkerResult):
         known = sigma[np.isfinite(sigma)]
         noise = float(np.median(known)) if known.size else 0.0
         for part, why in PARTS.items():
+            if not any(name.startswith(f"{part}_error_") for name in self.table.columns):
+                continue
             errors = self.table.vectors(f"{part}_error")[-1]
             size = np.where(lost, 0.0, np.nan_to_num(np.linalg.norm(errors, axis=1)))
             worst = int(np.argmax(size))
@@ -104,8 +106,12 @@ class DeflectionResult(MarkerResult):
                     f" ({self.mm_per_px:.5g} mm/px; {self.mm_per_px_true:.5g} at their depth): that"
                 )
                 advice = ""
+            elif part == "exposure":
+                why += ": that, the mean of its exposure less its middle,"
+                advice = "; a shorter camera.shutter exposure_ms blurs it less"
             else:
                 why += ": that"
+                advice = "" if part == "start" else advice
             yield (
                 f"measure {self.name!r}: {why} explains {errors[worst, k]:+.3g} mm of the error of "
                 f"{measured[worst, k] - true[worst, k]:+.3g} mm along {self.axes[k]} at "

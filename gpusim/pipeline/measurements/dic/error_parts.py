@@ -22,7 +22,7 @@ from gpusim.pipeline.measurements.dic.geometric_error import CALIBRATION
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
 from gpusim.pipeline.measurements.results import rms
 from gpusim.report import PartSize
-from gpusim.scene.description.table import name_and_unit
+from gpusim.scene.tables.table import name_and_unit
 
 NOTABLE = 10.0
 """Percent of the error from which on a part, or what parts do together, is told of."""

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Bool, Float
 from gpusim.measure.correlation.warp import Shape
 from gpusim.pipeline.measurements.results import Result
-from gpusim.scene.description.table import name_and_unit
+from gpusim.scene.tables.table import name_and_unit
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from gpusim.report import Drawing, Figure, Series
 from gpusim.report.advice import CAPTION, advice_curves, reason
 from gpusim.report.field_maps import ComparedField, draw_compared_fields, draw_differences
 from gpusim.scene import Scene
-from gpusim.scene.description.table import name_and_unit
+from gpusim.scene.tables.table import name_and_unit
 
 MOST_LOST = 0.02
 """Share of the points from which on a warning says that they were lost."""

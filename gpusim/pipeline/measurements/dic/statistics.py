@@ -18,7 +18,7 @@ from gpusim.measure.correlation.matching import MIN_BLUR, SLOPE_NOISE
 from gpusim.pipeline.measurements.dic.point_fields import PointFields
 from gpusim.pipeline.measurements.results import mean, rms
 from gpusim.report import Measurement
-from gpusim.scene.description.table import name_and_unit
+from gpusim.scene.tables.table import name_and_unit
 
 MICROSTRAIN, MICRO_UNIT = 1e6, "um/m"
 GOAL = 1e-2

@@ -28,7 +28,7 @@ from gpusim.pipeline.measurements.sources import Sources
 from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
-from gpusim.scene.description.table import name_and_unit
+from gpusim.scene.tables.table import name_and_unit
 
 ANCHOR_STEP = 2
 """Subsets from one to the next of those by which a calibrated rig is laid on the structure."""

@@ -19,7 +19,7 @@ from gpusim.pipeline.measurements.results import Reported, Result, rms
 from gpusim.pipeline.pictures.file_names import image_path
 from gpusim.report import Measurement, Overlay, Series
 from gpusim.scene import Scene
-from gpusim.scene.description.table import name_and_unit
+from gpusim.scene.tables.table import name_and_unit
 
 MOST_ROWS, MOST_CURVES = 8, 6
 """Places whose numbers are told one by one; profiles in a figure."""
@@ -114,14 +114,16 @@ class SeriesResult(Result):
         curves: list[tuple[str, Any]] = [
             (name, (..., k)) for k, name in enumerate(self.table.points[:MOST_ROWS])
         ]
+        labels = [name for name, _ in curves]
         if self.along:
             x, label = self.table[self.along][0], f"along the line ({self.along[-2:]})"
             chosen = np.linspace(0, len(frames) - 1, min(len(frames), MOST_CURVES)).astype(int)
             curves, how = [(f"frame {frames[k]}", (k, ...)) for k in chosen], " along the line"
+            labels = [scene.analysis.frame_text(frames[k]) for k in chosen]
         for quantity in self.quantities if len(x) > 1 else ():
             name, unit, measured, true = self.told(quantity)
-            for curve, at in curves:
+            for (curve, at), shown in zip(curves, labels, strict=True):
                 yield Series(
                     self._title(name, curve), x, measured[at], true[at], label, name, unit,
-                    figure=f"{self.name}: {name}{how}",
+                    figure=f"{self.name}: {name}{how}", label=shown,
                 )  # fmt: skip

@@ -11,7 +11,7 @@ from gpusim.errors import SceneError
 from gpusim.optics.light.studio import studio
 from gpusim.pipeline.scene_objects.lights import build_lights
 from gpusim.scene import Scene
-from gpusim.scene.description.colors import FINISHES, FinishName
+from gpusim.scene.tables.finishes import FINISHES, FinishName
 
 
 def scene(paint: dict[str, Any] | None = None, light: dict[str, Any] | None = None) -> Scene:

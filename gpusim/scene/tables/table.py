@@ -14,8 +14,9 @@ import re
 import sys
 import tomllib
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from functools import cache
+from functools import cache, reduce
 from itertools import pairwise
+from operator import or_
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
@@ -101,6 +102,20 @@ class Listed:
                 schema=listed,
             ),
         )
+
+
+class AnyOf:
+    """Marks what may be a table of any kind: of those that there are by the key ``type`` when the
+    class is made."""
+
+    def __init__(self, tables: Mapping[str, type[Table]]) -> None:
+        self.tables = tables
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        tables: Any = reduce(or_, self.tables.values())
+        return handler.generate_schema(Annotated[tables, Field(discriminator="type")])
 
 
 def _with_direction(vector: Vec3) -> Vec3:

@@ -11,7 +11,7 @@ from gpusim.scene import json_schema
 from gpusim.scene.description.ground import PaintedTable
 from gpusim.scene.description.model import SceneTable
 from gpusim.scene.description.paint import SpeckleTable
-from gpusim.scene.description.table import Table, descriptions
+from gpusim.scene.tables.table import Table, descriptions
 
 
 class _Base(Table):

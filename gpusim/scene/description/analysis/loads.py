@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from .table import (
+from gpusim.scene.tables.table import (
     Axis,
     Direction,
     Listed,
