@@ -19,7 +19,13 @@ from gpusim.motion import Course, Transient
 from gpusim.pipeline.scene_objects.modelling import linear_at_rest
 from gpusim.pipeline.scene_objects.vibrations import ground_of, vibration_arrays
 from gpusim.pipeline.stages.mechanics import solver_arguments
-from gpusim.pipeline.stages.vibrations import Vibrations, damping_of, moving_models, place_of
+from gpusim.pipeline.stages.vibrations import (
+    Vibrations,
+    damping_of,
+    moving_models,
+    named,
+    place_of,
+)
 from gpusim.report import Chart
 from gpusim.scene import Scene
 
@@ -51,11 +57,12 @@ def transient(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
         instants = curve = _instants(frames, around, times[-1], around if step is None else step)
         if step is None:  # those of modes cost next to nothing
             curve = np.union1d(instants, np.linspace(0.0, times[-1], CURVE))
-        history = fem.transient(
-            model, times=curve, loads=fem.Record(np.array(times), np.array(amplitudes).T),
-            damping=damping_of(asked), initial=initial, base=ground,
-            formulation=body.formulation, **how,
-        )  # fmt: skip
+        with named(body):
+            history = fem.transient(
+                model, times=curve, loads=fem.Record(np.array(times), np.array(amplitudes).T),
+                damping=damping_of(asked), initial=initial, base=ground,
+                formulation=body.formulation, **how,
+            )  # fmt: skip
         found.take(body, history, f"{history.message}; energy to {history.energy.drift:.1e}")
         if history.modal is None:
             motion = Transient(Course(instants, np.asarray(history.u), np.asarray(history.v)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from typing import Any
@@ -12,7 +13,7 @@ import numpy.typing as npt
 
 from gpusim import fem
 from gpusim.arrays.array_types import Float
-from gpusim.errors import NotConverged
+from gpusim.errors import InputError, NotConverged
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
@@ -83,7 +84,8 @@ def modal(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
             (solution,) = solve_bodies(scene.solver, [body], [model], session.options,
                                        inputs.progress)  # fmt: skip
             rest = solution.u
-        result = _elastic(model, body, asked, solution)
+        with named(body):
+            result = _elastic(model, body, asked, solution)
         free = int(np.count_nonzero(result.frequencies == 0.0))
         found.take(body, result, f"{len(result.frequencies) - free} modes, {result.method}")
         shares = 100.0 * result.effective_mass / np.maximum(result.total_mass, 1e-300)
@@ -104,7 +106,8 @@ def buckling(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     found = Vibrations()
     for number, body, made in moving_models(scene, inputs):
         model = linear_at_rest(made.model)
-        result = fem.buckling(model, asked["count"], formulation=body.formulation)
+        with named(body):
+            result = fem.buckling(model, asked["count"], formulation=body.formulation)
         found.take(body, result, f"{len(result.factors)} critical loads, {result.method}")
         columns = {"load_factor": result.factors, "error": result.error_estimate}
         rest = np.zeros(model.mesh.points.shape)
@@ -121,11 +124,12 @@ def harmonic(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     shaker = shaker_of(asked.get("base_motion"))
     for number, body, made in moving_models(scene, inputs):
         model = linear_at_rest(made.model)
-        result = fem.harmonic(
-            model, [*frequencies, *curve], loads=np.ones(len(model.load_cases)), base=shaker,
-            damping=damping_of(asked), count=asked["count"], mass=asked["mass"],
-            formulation=body.formulation,
-        )  # fmt: skip
+        with named(body):
+            result = fem.harmonic(
+                model, [*frequencies, *curve], loads=np.ones(len(model.load_cases)), base=shaker,
+                damping=damping_of(asked), count=asked["count"], mass=asked["mass"],
+                formulation=body.formulation,
+            )  # fmt: skip
         lacking = float(result.truncation.max())
         found.facts[f"solved, {body.name}"] = f"modes lack {lacking:.1e} of the response at most"
         seen, still = result.absolute(), np.zeros(model.mesh.points.shape)
@@ -142,6 +146,15 @@ def vibration(scene: Scene, inputs: Inputs, session: Session) -> Oscillation | T
     number, name = inputs.row
     with np.load(inputs.read("solve", VIBRATION).stream(), allow_pickle=False) as stored:
         return stored_vibration(stored, number, name, scene.analysis)
+
+
+@contextmanager
+def named(body: Body) -> Iterator[None]:
+    """What goes wrong is told of a ``body``."""
+    try:
+        yield
+    except (InputError, NotConverged) as error:
+        raise type(error)(f"solve, body {body.name!r}: {error}") from None
 
 
 def moving_models(scene: Scene, inputs: Inputs) -> Iterator[tuple[int, Body, BodyModel]]:

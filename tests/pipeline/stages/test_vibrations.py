@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import gpusim as gs
-from gpusim.errors import InputError
+from gpusim.errors import InputError, NotConverged
 from gpusim.pipeline.runner.scene_contents import scene_contents
 from gpusim.pipeline.scene_objects.modelling import build_model
 from gpusim.pipeline.scene_objects.surfaces import build_body
@@ -185,6 +185,13 @@ def test_a_column_buckles() -> None:
     u = scene.solution()["bar"].displacement(2)
     shape = found.shapes[1] / np.linalg.norm(found.shapes[1], axis=1).max()
     assert np.abs(u - 5e-3 * shape).max() <= 1e-9 and make_plan(scene)
+
+
+def test_what_is_wrong_is_told_of_a_body() -> None:
+    pulled = {**BODY, "load": [{**BODY["load"][0], "force_N": [100.0, 0.0, 0.0]}]}
+    scene = scene_of({"type": "buckling", "count": 2, "amplitude_mm": 5.0}, pulled)
+    with pytest.raises(NotConverged, match=r"solve, body 'bar': buckling: .*no positive load f"):
+        scene.solution()
 
 
 @cache
