@@ -124,7 +124,8 @@ def test_a_shutter_before_what_does_not_move() -> None:
         ({**TRANSIENT, "duration_s": 1e6}, "analysis.duration_s: too many frames; got 1e+09 "
          "frames; expected at most 10000"),
         ({**MODAL, "phases": 2000}, "analysis.phases: too many frames; got 20001 frames"),
-        ({**TRANSIENT, "frame_rate_Hz": 10.0}, "analysis.duration_s: too few frames to measure in; got 1 "
+        ({**TRANSIENT, "frame_rate_Hz": 10.0},
+         "analysis.duration_s: too few frames to measure in; got 1 "
          "frame"),
         ({**TRANSIENT, "base_motion": {"file": "no.csv", "direction": [1.0, 0.0, 0.0]}},
          "analysis.base_motion.file: "),
