@@ -62,8 +62,9 @@ def draw_series(series: Series, path: PathLike, beside: Sequence[Series] = ()) -
     caption = f"{finite.size} of {residual.size} points measured"
     if finite.size:
         rms, largest = float(np.sqrt(np.mean(finite**2))), float(finite.max())
-        caption += f"; difference to the truth {number(rms, 2)} {series.y_unit} RMS"
-        caption += f", at most {number(largest, 2)} {series.y_unit}"
+        unit = f" {series.y_unit}".rstrip()
+        caption += f"; difference to the truth {number(rms, 2)}{unit} RMS"
+        caption += f", at most {number(largest, 2)}{unit}"
         if series.units_per_px:
             caption += f" ({number(largest / abs(series.units_per_px), 2)} px)"
     return Figure(Path(path), title, caption + ".")
@@ -92,8 +93,13 @@ def draw_measured(axes: Axes, series: Series, legend: bool = True, **style: Any)
         },
     )
     if legend:
-        axes.set_ylabel(f"{series.y_label} ({series.y_unit})")
+        axes.set_ylabel(_with_unit(series.y_label, series))
         axes.legend(loc="best")
+
+
+def _with_unit(label: str, series: Series) -> str:
+    """A label of what has the unit of a series, or none."""
+    return f"{label} ({series.y_unit})" if series.y_unit else label
 
 
 def _label_curves(axes: Axes, curves: Sequence[Series]) -> None:
@@ -119,7 +125,7 @@ def _draw_residual(axes: Axes, series: Series, residual: npt.NDArray[Any], count
     axes.axhline(0.0, color=TRUTH, linewidth=1.4)
     axes.vlines(x, 0.0, residual, color=MEASURED, linewidth=1.6)
     axes.plot(x, residual, "o", color=MEASURED, markersize=4.5)
-    axes.set(xlabel=series.x_label, ylabel=f"Residual ({series.y_unit})")
+    axes.set(xlabel=series.x_label, ylabel=_with_unit("Residual", series))
     axes.yaxis.set_major_locator(MaxNLocator(5))
     # Zero in the middle: a bias shows as points on one side.
     finite = np.abs(residual[np.isfinite(residual)])
