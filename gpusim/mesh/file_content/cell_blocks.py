@@ -196,7 +196,7 @@ def match_faces(mesh: Mesh, wanted: Long) -> tuple[Long, Bool]:
     corners, pairs = all_faces(mesh)
     touched = np.zeros(mesh.node_count + 1, dtype=bool)
     touched[wanted] = touched[-1] = True  # the last one stands for the missing corner
-    near = touched[np.minimum(corners, mesh.node_count)].all(axis=1)
+    near = np.asarray(touched[np.minimum(corners, mesh.node_count)].all(axis=1))
     near[0] = True  # what isn't found gets this one
     corners, pairs = corners[near], pairs[near]
     every = np.concatenate([np.where(wanted < 0, NO_NODE, wanted).astype(np.int32), corners])
