@@ -33,7 +33,7 @@ METHODS: dict[str, Method] = {
     "phase": LocalPhase(),
 }
 SMALLEST, LARGEST = 7, 255  # px
-FEW_FOUND = 0.5  # share of points; below, the motion of the whole picture is looked for
+MOST_LOST = 0.5  # share of points; beyond, the motion of the whole picture is looked for
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ def _found(
     distance, status = subsets.found(picture, start)
     lost = (status != Status.OK) & (subsets.status == Status.OK)
     if lost.any():
-        if (status == Status.OK).mean() < FEW_FOUND:
+        if lost.sum() > MOST_LOST * (subsets.status == Status.OK).sum():
             shift = global_shift(first, picture) @ subsets.directions.T
         else:
             shift = np.nanmedian(distance, axis=0)

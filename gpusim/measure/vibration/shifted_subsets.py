@@ -30,7 +30,7 @@ SETTLED = 0.75  # px from whole pixels at which a subset stays with them
 ROUNDS = 8  # pixels by which a start may be off
 TOLERANCE = 1e-7  # px
 MIN_CONTRAST = 5e-4  # standard deviation of a subset over the grey range of the picture
-MIN_LIKENESS = 0.6  # of what the reference sees of a picture over what it should
+MIN_LIKENESS = 0.8  # of what the reference sees of a picture over what it should
 
 
 @dataclass(frozen=True)

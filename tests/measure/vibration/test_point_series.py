@@ -10,6 +10,7 @@ import pytest
 import gpusim as gs
 from gpusim.arrays.array_types import Float
 from gpusim.measure import Status, dic, point_series
+from gpusim.measure.vibration import shifted_subsets
 from tests.support.moving_pattern import MovingPattern, sine
 
 RATE, FREQUENCY = 200.0, 13.3
@@ -111,3 +112,19 @@ def test_wrong_arguments() -> None:
     uneven = point_series(gs.read_frames(frames, times=[0, 1, 1.5]), [[20, 20]])
     with pytest.raises(gs.InputError, match="expected even"):
         uneven.rate_Hz  # noqa: B018
+
+
+def test_fast_motion_finds_no_wrong_places(monkeypatch: pytest.MonkeyPatch) -> None:
+    # 7 px from picture to picture: most subsets begin on other details than their own
+    places = 10 * np.sin(0.25 * np.pi * np.arange(8) + 0.4)
+    pattern = MovingPattern(coarse=5.0, seed=3)
+    reference = pattern.frames(np.zeros((1, 2)))[0]
+    frames = pattern.frames(np.stack([places, 0 * places], axis=1))
+
+    def worst() -> float:
+        found = point_series(frames, POINTS, reference=reference).displacement[:, :, 0]
+        return float(np.nanmax(np.abs(found - places[:, None])))
+
+    assert worst() < 0.01
+    monkeypatch.setattr(shifted_subsets, "MIN_LIKENESS", -9.0)
+    assert worst() > 1.0
