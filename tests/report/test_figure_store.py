@@ -21,7 +21,8 @@ def draw(values: np.ndarray, source: Path, path: Path) -> Figure:
 
 
 @pytest.fixture
-def source(tmp_path: Path) -> Path:
+def source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr("gpusim.parallel.processes._pool", None)  # drawn here, where it is counted
     drawn.clear()
     (tmp_path / "figures").mkdir()
     (tmp_path / "0000.png").write_bytes(b"picture")
