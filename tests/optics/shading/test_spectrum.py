@@ -73,8 +73,7 @@ def of_band(surfaces: list[gs.Surface], lights: list[Any] | None, band: int) -> 
     return grey, None if lights is None else [in_band(light, band) for light in lights]
 
 
-@pytest.mark.parametrize("shadows", [False, True])
-@pytest.mark.parametrize("lit", [False, True])
+@pytest.mark.parametrize(("lit", "shadows"), [(False, False), (True, False), (True, True)])
 def test_planes_are_the_pictures_of_the_bands(device: Device, lit: bool, shadows: bool) -> None:
     surfaces, lamps = laboratory(shadows, glossy=not shadows)
     lights = lamps if lit else None
