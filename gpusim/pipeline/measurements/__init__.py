@@ -20,6 +20,7 @@ in which data passes:
 - `stereo`: The kind "stereo": points in space from several cameras.
 - `dic`: The kind "dic": displacements and strains of surfaces by digital image correlation.
 - `series`: The kinds "extensometer", "gauge", "line" and "point": a few places over frames.
+- `modes`: The kind "modes": frequencies, damping and shapes, from the pictures of a vibration.
 - `damage`: The kind "damage": deflection lines of the variants compared, and where their slope
   changes.
 """
