@@ -9,6 +9,7 @@ from gpusim.applications.identification import silent, timed
 from gpusim.export.video import WRITERS, VideoSink
 from gpusim.files.atomic_files import PathLike
 from gpusim.files.frame_source import Frames, FrameSource
+from gpusim.files.output_folder import inside
 from gpusim.measure import magnify
 from gpusim.measure.vibration.sampling import sampling_rate
 
@@ -41,7 +42,7 @@ def magnify_files(
     source = timed(video, rate_Hz)
     path = Path(output)
     if path.suffix.lower() not in WRITERS:
-        path = path / "*.png"
+        path = inside(path, "*.png")
     pictures = magnify(source, band_Hz, factor)
     with VideoSink(path, frame_rate=sampling_rate(source.times)) as sink:
         for number, (picture, time) in enumerate(zip(pictures, source.times, strict=True)):
