@@ -48,6 +48,17 @@ def test_a_bar_that_is_let_go(tmp_path: Path) -> None:
     assert len(rows) == 66 and rows[0].startswith("time_s,p1_x_px,p1_y_px")
 
 
+def test_a_bar_that_is_followed_in_steps(tmp_path: Path) -> None:
+    """Undamped, and nobody knows its modes: what is measured stands alone."""
+    stepped = {key: FILM[key] for key in ("type", "duration_s", "frame_rate_Hz", "release")}
+    report = gs.run(film({**stepped, "method": "newmark"}), tmp_path, backend="numpy")
+    assert [(one.name, one.verdict) for one in report.measurements] == [
+        ("modes: mode 1, frequency", "unknown"), ("modes: mode 1, damping", "unknown")
+    ]  # fmt: skip
+    assert report.measurements[0].measured == pytest.approx(143.0, rel=0.02)
+    assert "measure 'modes': mode 1 is like none of the body's modes" in report.warnings
+
+
 @pytest.mark.parametrize(
     ("analysis", "keys", "text"),
     [
