@@ -18,7 +18,7 @@ from gpusim.field_summary import field_summary
 from gpusim.files.atomic_files import PathLike, atomic_path, write_text
 from gpusim.files.frame_source import Frames, FrameSource, read_frames
 from gpusim.files.hdf5_file import writing_hdf5
-from gpusim.files.output_folder import claim, inside
+from gpusim.files.output_folder import claim, delete, inside
 from gpusim.measure import OperationalModes, PointSeries, grid_points, identify_modes, point_series
 from gpusim.measure.images import Image, check_image
 from gpusim.measure.vibration.identification import Excitation, Identification
@@ -150,6 +150,8 @@ def identify_files(
         )  # fmt: skip
         report = _report(source, series, modes, settings)
         folder = Path(output)
+        for drawn in folder.glob("mode_[0-9]*.png"):  # of more modes than there are now
+            delete(folder, drawn.name)
         files = [
             write_text(inside(folder, "modes.csv"), _table(_mode_columns(modes))),
             write_text(inside(folder, "shapes.csv"), _table(_shape_columns(modes))),

@@ -37,6 +37,7 @@ DEPTH = (20, 80)  # lags; at most so many of one side
 SIDE = 600  # rows of the Hankel matrix
 LEAST_SAMPLES = 64
 SEGMENTS = 60  # of FDD's spectra, and half as many again between them
+LEAST_LENGTH = 32  # of a segment
 
 
 @dataclass(frozen=True)
@@ -87,6 +88,9 @@ def identify_modes(
     if method == "fdd":
         require(excitation == "ambient", "excitation", excitation, '"ambient" with method "fdd"')
         length = 2 * (len(responses.values) // (2 * SEGMENTS))
+        got = f"{len(responses.values)} pictures at {responses.rate_Hz:.4g} Hz"
+        least = f'at least {LEAST_LENGTH * SEGMENTS} for method "fdd"'
+        require(length >= LEAST_LENGTH, "series", got, least)
         spectra = cross_spectra(responses.values, responses.rate_Hz, length, BLOCKS)
         found, sigma = decomposition_modes(spectra, band, modes, responses.loadings)
     else:
