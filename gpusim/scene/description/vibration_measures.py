@@ -11,6 +11,7 @@ from gpusim.scene.tables.table import Name, Pair, PositivePair, Vector
 
 from .correlation_measures import one_of_each
 from .measure_table import MeasureFault, MeasureTable
+from .video import has_frame_rate
 
 LEAST_FRAMES = 64
 """Of which modes can be told."""
@@ -78,9 +79,19 @@ class ModesTable(MeasureTable):
     def faults(
         cls, entry: Mapping[str, Any], document: Mapping[str, Any]
     ) -> Iterator[MeasureFault]:
-        """Frames are in time."""
+        """Frames are in time, and fast enough."""
         analysis = document.get("analysis")
-        if not isinstance(analysis, Mapping) or analysis.get("frame_rate_Hz") is None:
-            yield ("type",), "without a time between frames", "modes", "analysis.frame_rate_Hz"
+        known = analysis if isinstance(analysis, Mapping) else {}
+        rate, band = known.get("frame_rate_Hz"), entry.get("band_Hz")
+        numbers = [rate, *band] if isinstance(band, list) else []
+        if rate is None:
+            wanted = "analysis.frame_rate_Hz"
+            if not has_frame_rate(str(known.get("type", "static"))):
+                wanted = 'analysis.type = "transient": frames of others show phases, not instants'
+            yield ("type",), "without a time between frames", "modes", wanted
+        elif len(numbers) == 3 and all(isinstance(one, int | float) for one in numbers):
+            if not numbers[1] < numbers[2] < 0.5 * rate:
+                wanted = f"low < high < {0.5 * rate:g}, half the frame rate"
+                yield ("band_Hz",), "out of range", band, wanted
         if isinstance(subset := entry.get("subset_px"), int) and subset % 2 == 0:
             yield ("subset_px",), "even", subset, "an odd number"
