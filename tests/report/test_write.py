@@ -277,8 +277,8 @@ def test_captions_state_the_numbers(tmp_path: Path) -> None:
     tracked = draw_overlay(report.overlays[0], tmp_path / "b.png")
     assert tracked.photo
     assert tracked.caption == (
-        "2 of 3 markers tracked; displacements drawn 2 times their length, the longest is"
-        " 3.00 px = 0.6 mm; crosses mark lost markers."
+        "2 of 3 points tracked; displacements drawn 2 times their length, the longest is"
+        " 3.00 px = 0.6 mm; crosses mark those that were lost."
     )
     solved = draw_convergence(report.residuals, tmp_path / "c.png")
     assert "before each of 4 iterations, the last one 1.0×10⁻⁷." in solved.caption
@@ -298,7 +298,7 @@ def test_figures_of_awkward_data(tmp_path: Path) -> None:
         draw_convergence([], tmp_path / "e.png")
     image = write_image(tmp_path / "i.png", np.zeros((33, 57), np.uint16))
     still = Overlay("o", image, np.ones((1, 2)), np.zeros((1, 2)))
-    assert draw_overlay(still, tmp_path / "f.png").caption == "1 of 1 markers tracked."
+    assert draw_overlay(still, tmp_path / "f.png").caption == "1 of 1 points tracked."
     assert not (tmp_path / "e.png").exists()
 
 
