@@ -68,6 +68,10 @@ def transient(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
             motion = Transient(Course(instants, np.asarray(history.u), np.asarray(history.v)))
         else:
             motion = _superposed(history.modal, instants, around)
+            assert motion.natural is not None
+            frequency, damping = motion.natural[:, motion.natural[0] > 0.0]
+            columns = {"frequency_Hz": frequency, "damping_percent": 100.0 * damping}
+            found.tell_modes(body, range(1, len(frequency) + 1), columns)
         motion = motion if ground is None else _on_ground(motion, ground)
         found.arrays |= vibration_arrays(motion, number)
         found.charts += _charts(body.name, history, ground is not None)
