@@ -7,6 +7,7 @@ import base64
 import json
 import math
 import re
+from dataclasses import replace
 from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
@@ -167,6 +168,25 @@ def test_files_are_whole_and_named_in_the_answer(written: tuple[Path, ReportPath
     assert not list(folder.rglob("*.part"))
     first = paths.html.read_bytes()
     assert write_report(make_report(folder, 16), folder).html.read_bytes() == first
+
+
+def test_many_lines_stand_side_by_side_below_their_numbers(
+    written: tuple[Path, ReportPaths], tmp_path: Path
+) -> None:
+    few = written[1].html.read_text(encoding="utf-8")
+    assert few.index("line-1") < few.index('scope="col">Quantity') and "several" not in body(few)
+    report = make_report(tmp_path)
+    series = tuple(replace(report.series[0], name=f"line {k}") for k in range(4))
+    overlays = tuple(replace(report.overlays[0], title=f"points {k}") for k in range(4))
+    many = replace(report, series=series, overlays=overlays)
+    page = write_report(many, tmp_path).html.read_text(encoding="utf-8")
+    assert page.index('scope="col">Quantity') < page.index("line-4")
+    assert body(page).count('<div class="several">') == 2 and "<h2>In the picture</h2>" in page
+
+
+def body(page: str) -> str:
+    """Without style and script."""
+    return page.partition("<body")[2]
 
 
 def test_a_failed_run_says_what_and_why(tmp_path: Path) -> None:

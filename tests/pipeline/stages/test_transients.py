@@ -201,5 +201,5 @@ def test_report_has_motion_and_energy(tmp_path: Path) -> None:
     assert [one["mode"] for one in report.modes] == [1, 2, 3, 4, 5, 6]
     first = report.modes[0]
     share = 100 * 5.0 / (4 * np.pi * first["frequency_Hz"])  # of critical damping, by mass
-    assert first["damping_percent"] == pytest.approx(share) and "Damping percent" in page
+    assert first["damping_percent"] == pytest.approx(share) and "Damping / %" in page
     assert not any("Lowest" in name for name in report.highlights)
