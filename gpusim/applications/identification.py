@@ -21,7 +21,7 @@ from gpusim.files.hdf5_file import writing_hdf5
 from gpusim.files.output_folder import claim, delete, inside
 from gpusim.measure import OperationalModes, PointSeries, grid_points, identify_modes, point_series
 from gpusim.measure.images import Image, check_image
-from gpusim.measure.vibration.identification import Excitation, Identification
+from gpusim.measure.vibration.identification import Excitation, Identification, identifiable_band
 from gpusim.measure.vibration.point_series import DisplacementMethod
 from gpusim.report.style import MEASURED, axis_title, draw_png
 from gpusim.validation import Count, Positive, checked
@@ -133,6 +133,7 @@ def identify_files(
     """
     with claim(output):
         source = timed(video, settings.rate_Hz)
+        identifiable_band(source.times, settings.band_Hz, settings.method, settings.excitation)
         first = check_image(source[0], source.names[0])
         points = _points(first, settings)
 
@@ -177,10 +178,12 @@ def _report(
 ) -> dict[str, Any]:
     """What report.json holds."""
     columns = {name: values.tolist() for name, values in _mode_columns(modes).items()}
+    found = len(modes.damping)
+    fewer = f"{found} of {s.modes} modes found, with excitation {s.excitation!r}"
     return {
         "schema": SCHEMA,
         "version": __version__,
-        "video": source.names[0],
+        "video": source.names[0].removesuffix("#1"),
         "frames": len(source),
         "rate_Hz": series.rate_Hz,
         "points": len(series.points),
@@ -190,7 +193,11 @@ def _report(
         "modes": [
             dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)
         ],
-        "warnings": [*source.notes, *([source.times_guessed] if source.times_guessed else [])],
+        "warnings": [
+            *source.notes,
+            *([source.times_guessed] if source.times_guessed else []),
+            *([fewer] if found < s.modes else []),
+        ],
     }
 
 

@@ -141,7 +141,10 @@ def dic(
             return
         if not deformed or output is None:
             missing = "--output" if deformed else "DEF..."
-            raise InputError(f"{missing}: missing; expected REF DEF... -o OUT, or --advise REF")
+            raise InputError(
+                f"{missing}: missing; expected REF DEF... -o OUT (of a video FILM#1 FILM), or "
+                "--advise REF"
+            )
         with importing():
             from gpusim.applications import CorrelationSettings
         settings = CorrelationSettings(

@@ -37,15 +37,19 @@ def identify(
     output: Output,
     points: Annotated[
         list[str] | None,
-        typer.Option("--point", metavar="X,Y", help="A point, px (repeatable), not a grid."),
+        typer.Option(
+            "--point", metavar="X,Y", help="A point, px (repeatable), in place of the grid."
+        ),
     ] = None,
     grid: Annotated[int, typer.Option(help="Points along the longer side of a grid.")] = 24,
     roi: Region = None,
-    band: Annotated[str | None, typer.Option(metavar="LOW,HIGH", help="Of modes, Hz.")] = None,
-    modes: Annotated[int, typer.Option(help="At most so many.")] = 3,
-    method: Annotated[Literal["ssi", "fdd"], typer.Option(help="Of identification.")] = "ssi",
+    band: Annotated[
+        str | None, typer.Option(metavar="LOW,HIGH", help="Where modes are looked for, Hz.")
+    ] = None,
+    modes: Annotated[int, typer.Option(help="How many modes at most.")] = 3,
+    method: Annotated[Literal["ssi", "fdd"], typer.Option(help="Subspaces, or spectra.")] = "ssi",
     excitation: Annotated[
-        Literal["ambient", "release"], typer.Option(help="Random all the time, or let go.")
+        Literal["ambient", "release"], typer.Option(help="Random all the time; or let go, or hit.")
     ] = "ambient",
     displacements: Annotated[
         Literal["lucas-kanade", "gradient", "phase"], typer.Option(help="How points are followed.")
@@ -79,7 +83,10 @@ def identify(
 def magnify(
     video: Video,
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="OUT", help="FILM.mkv, .cih, or a folder.")
+        Path,
+        typer.Option(
+            "-o", "--output", metavar="OUT", help="FILM.mkv, .cih, .mp4, .gif, or a folder."
+        ),
     ],
     band: Annotated[str, typer.Option(metavar="LOW,HIGH", help="Frequencies, Hz.")],
     factor: Annotated[float, typer.Option(help="How many times larger.")],

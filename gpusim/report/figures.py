@@ -39,7 +39,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
 _WIDTH = 7.2  # inches
-_ARROW_FRACTION = 0.12  # the longest arrow covers about this part of the image's width
+_ARROW_FRACTION = 0.12  # the longest arrow covers about this part of the image's width,
+_LONGEST_SIDES = 1.75  # but no more than of an image that is so many times as wide as high
+_LABEL = 0.35  # of half a chart of errors, which a number beside its bar may take
 
 
 def draw_series(series: Series, path: PathLike, beside: Sequence[Series] = ()) -> Figure:
@@ -181,7 +183,8 @@ def draw_overlay(overlay: Overlay, path: PathLike) -> Figure:
     pixels = reduced(image, page_pixels(size))
     found = np.isfinite(overlay.displacement[:, 0] + overlay.displacement[:, 1])
     longest = float(np.hypot(*overlay.displacement[found].T).max(initial=0.0))
-    factor = round_down(_ARROW_FRACTION * width / longest) if longest > 0.0 else 1.0
+    room = _ARROW_FRACTION * min(width, _LONGEST_SIDES * height)
+    factor = round_down(room / longest) if longest > 0.0 else 1.0
 
     def draw(canvas: Canvas) -> None:
         canvas.figimage(pixels if pixels.ndim == 3 else np.dstack(3 * [pixels]), zorder=-1)
@@ -209,23 +212,24 @@ def draw_overlay(overlay: Overlay, path: PathLike) -> Figure:
             shown, label = _key(overlay, longest)
             key = axes.quiverkey(
                 arrows,
-                0.90,
-                0.07,
+                0.98,
+                0.07 if np.median(overlay.points[:, 1]) < 0.5 * height else 0.93,
                 shown * factor,
                 f"{label}, drawn x{factor:g}",
+                labelpos="W",
                 labelcolor="white",
             )
             key.text.set_bbox({"facecolor": "#000000a0", "edgecolor": "none", "pad": 3})
 
     draw_png(path, size, draw, None)
-    caption = f"{int(found.sum())} of {found.size} markers tracked"
+    caption = f"{int(found.sum())} of {found.size} points tracked"
     if longest > 0.0:
         caption += f"; displacements drawn {factor:g} times their length, the longest is"
         caption += f" {longest:.2f} px"
         if overlay.units_per_px:
             caption += f" = {longest * abs(overlay.units_per_px):.3g} {overlay.unit}"
     if not found.all():
-        caption += "; crosses mark lost markers"
+        caption += "; crosses mark those that were lost"
     return Figure(Path(path), overlay.title, caption + ".", photo=True)
 
 
@@ -292,9 +296,10 @@ def draw_error_bars(axes: Axes, shown: Sequence[Measurement]) -> None:
     rows = np.tile(judged, 2)
     axes.vlines(np.concatenate([-ends, ends]), rows - 0.36, rows + 0.36, colors=MUTED)
     for place, (item, value) in enumerate(zip(shown, percent, strict=True)):
+        crossed = abs(value) < limits[place] < abs(value) + _LABEL * span
         axes.annotate(
             signed_percent(item.error_relative, 2),
-            (value, place),
+            (np.copysign(limits[place], value) if crossed else value, place),
             xytext=(7 if value >= 0.0 else -7, 0),
             textcoords="offset points",
             ha="left" if value >= 0.0 else "right",

@@ -7,6 +7,7 @@ import base64
 import json
 import math
 import re
+from dataclasses import replace
 from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
@@ -169,6 +170,25 @@ def test_files_are_whole_and_named_in_the_answer(written: tuple[Path, ReportPath
     assert write_report(make_report(folder, 16), folder).html.read_bytes() == first
 
 
+def test_many_lines_stand_side_by_side_below_their_numbers(
+    written: tuple[Path, ReportPaths], tmp_path: Path
+) -> None:
+    few = written[1].html.read_text(encoding="utf-8")
+    assert few.index("line-1") < few.index('scope="col">Quantity') and "several" not in body(few)
+    report = make_report(tmp_path)
+    series = tuple(replace(report.series[0], name=f"line {k}") for k in range(4))
+    overlays = tuple(replace(report.overlays[0], title=f"points {k}") for k in range(4))
+    many = replace(report, series=series, overlays=overlays)
+    page = write_report(many, tmp_path).html.read_text(encoding="utf-8")
+    assert page.index('scope="col">Quantity') < page.index("line-4")
+    assert body(page).count('<div class="several">') == 2 and "<h2>In the picture</h2>" in page
+
+
+def body(page: str) -> str:
+    """Without style and script."""
+    return page.partition("<body")[2]
+
+
 def test_a_failed_run_says_what_and_why(tmp_path: Path) -> None:
     report = Report(
         "crane",
@@ -277,8 +297,8 @@ def test_captions_state_the_numbers(tmp_path: Path) -> None:
     tracked = draw_overlay(report.overlays[0], tmp_path / "b.png")
     assert tracked.photo
     assert tracked.caption == (
-        "2 of 3 markers tracked; displacements drawn 2 times their length, the longest is"
-        " 3.00 px = 0.6 mm; crosses mark lost markers."
+        "2 of 3 points tracked; displacements drawn 2 times their length, the longest is"
+        " 3.00 px = 0.6 mm; crosses mark those that were lost."
     )
     solved = draw_convergence(report.residuals, tmp_path / "c.png")
     assert "before each of 4 iterations, the last one 1.0×10⁻⁷." in solved.caption
@@ -298,7 +318,7 @@ def test_figures_of_awkward_data(tmp_path: Path) -> None:
         draw_convergence([], tmp_path / "e.png")
     image = write_image(tmp_path / "i.png", np.zeros((33, 57), np.uint16))
     still = Overlay("o", image, np.ones((1, 2)), np.zeros((1, 2)))
-    assert draw_overlay(still, tmp_path / "f.png").caption == "1 of 1 markers tracked."
+    assert draw_overlay(still, tmp_path / "f.png").caption == "1 of 1 points tracked."
     assert not (tmp_path / "e.png").exists()
 
 

@@ -18,6 +18,7 @@ from gpusim.errors import InputError
 from gpusim.measure.vibration.frequency_domain_decomposition import decomposition_modes
 from gpusim.measure.vibration.operational_modes import OperationalModes, Poles, real_shapes
 from gpusim.measure.vibration.point_series import PointSeries
+from gpusim.measure.vibration.sampling import sampling_rate
 from gpusim.measure.vibration.spectra import cross_spectra
 from gpusim.measure.vibration.subspace_identification import (
     BLOCKS,
@@ -84,9 +85,9 @@ def identify_modes(
     --------
     See `OperationalModes`.
     """
-    responses, band = _responses(series, band_Hz)
+    band = identifiable_band(series.times, band_Hz, method, excitation)
+    responses = _responses(series, band)
     if method == "fdd":
-        require(excitation == "ambient", "excitation", excitation, '"ambient" with method "fdd"')
         length = 2 * (len(responses.values) // (2 * SEGMENTS))
         got = f"{len(responses.values)} pictures at {responses.rate_Hz:.4g} Hz"
         least = f'at least {LEAST_LENGTH * SEGMENTS} for method "fdd"'
@@ -102,30 +103,50 @@ def identify_modes(
         )
         found, sigma, _ = subspace_modes(statistics, band, modes, responses.loadings)
     if not len(found.damping):
-        raise InputError(f"identify_modes: no mode between {band[0]:.4g} and {band[1]:.4g} Hz")
+        where = f"between {band[0]:.4g} and {band[1]:.4g} Hz"
+        wanted = f'a motion with excitation "{excitation}", by more than noise'
+        raise InputError(f"identify_modes: no mode {where}; expected {wanted}")
     return _as_modes(series, responses.loadings, found, sigma, method)
 
 
-def _responses(
-    series: PointSeries, band_Hz: tuple[float, float] | None
-) -> tuple[_Responses, tuple[float, float]]:
-    """What is identified, and the band in which it is."""
-    rate, ok = series.rate_Hz, series.ok
-    require(bool(ok.any()), "series", "no point found in all pictures", "at least one")
+def identifiable_band(
+    times: Float,
+    band_Hz: tuple[float, float] | None,
+    method: Identification = "ssi",
+    excitation: Excitation = "ambient",
+) -> tuple[float, float]:
+    """The band in which pictures at ``times`` can show modes. Raises InputError if they can't."""
+    rate = sampling_rate(times)
     band = (0.0, 0.45 * rate) if band_Hz is None else band_Hz
     fits = 0 <= band[0] < band[1] < 0.5 * rate
     require(fits, "band_Hz", band, f"0 <= low < high < {0.5 * rate:.6g} Hz, half the rate")
+    fewer = _sampled_down(rate, band)
+    samples = -(-len(times) // fewer)
+    got = f"{samples} pictures at {rate / fewer:.4g} Hz"
+    require(samples >= LEAST_SAMPLES, "series", got, f"at least {LEAST_SAMPLES}")
+    ambient = excitation == "ambient" or method != "fdd"
+    require(ambient, "excitation", excitation, '"ambient" with method "fdd"')
+    return band
+
+
+def _sampled_down(rate_Hz: float, band: tuple[float, float]) -> int:
+    """One in so many pictures is enough for a band."""
+    return max(int(0.5 * rate_Hz / (OVER_BAND * band[1])), 1)
+
+
+def _responses(series: PointSeries, band: tuple[float, float]) -> _Responses:
+    """What is identified."""
+    rate, ok = series.rate_Hz, series.ok
+    require(bool(ok.any()), "series", "no point found in all pictures", "at least one")
     values = series.displacement[:, ok].reshape(len(series.times), -1)
     values = values - values.mean(axis=0)
-    fewer = max(int(0.5 * rate / (OVER_BAND * band[1])), 1)
+    fewer = _sampled_down(rate, band)
     if fewer > 1:
         values = scipy.signal.resample_poly(values, 1, fewer, axis=0, padtype="line")
-    got = f"{len(values)} pictures at {rate / fewer:.4g} Hz"
-    require(len(values) >= LEAST_SAMPLES, "series", got, f"at least {LEAST_SAMPLES}")
     left, size, right = np.linalg.svd(values, full_matrices=False)
     require(bool(size[0] > 0), "series", "points that don't move", "displacements")
     kept = np.flatnonzero(size[:MOST_COMPONENTS] ** 2 > COMPONENTS * size[0] ** 2)
-    return _Responses(left[:, kept] * size[kept], rate / fewer, right[kept].T), band
+    return _Responses(left[:, kept] * size[kept], rate / fewer, right[kept].T)
 
 
 def _as_modes(

@@ -14,7 +14,7 @@ def sampling_rate(times: Float) -> float:
     """Pictures a second, Hz. Raises InputError if times (T,) are unknown or uneven."""
     if len(times) < 2 or not np.isfinite(times).all():
         raise InputError(
-            "times: not known of every picture; expected them from the file, or "
+            "times: not known of every picture; expected them from the file, --rate-hz, or "
             "read_frames(frames, times=...), s"
         )
     interval = (times[-1] - times[0]) / (len(times) - 1)

@@ -133,6 +133,8 @@ def subspace_modes(
     chosen = np.array([_typical(diagram.poles, rows) for rows in groups], dtype=np.int64)
     chosen = chosen[np.argsort(diagram.poles.frequency_Hz[chosen])]
     modes = diagram.poles[chosen]
+    if not len(chosen):
+        return modes, modes, diagram
 
     def estimate(covariances: Float | Complex) -> Poles:
         # the right singular vectors stay: of first order in the noise, that is as good

@@ -11,6 +11,7 @@ from gpusim.report import LoadStepRow, Table
 from gpusim.report.text import number
 
 _MOST_ROWS = 40
+_UNITS = {"Hz": "Hz", "percent": "%"}
 
 
 def newton_table(steps: Sequence[LoadStepRow]) -> tuple[Table, ...]:
@@ -37,11 +38,18 @@ def mode_table(modes: Sequence[Mapping[str, Any]]) -> tuple[Table, ...]:
     """Frequencies and effective masses, or critical load factors, of the first modes."""
     if not modes:
         return ()
-    columns = tuple(f"{key[0].upper()}{key[1:].replace('_', ' ')}" for key in modes[0])
+    columns = tuple(_heading(key) for key in modes[0])
     rows = tuple(
         tuple(_cell(key, value) for key, value in one.items()) for one in modes[:_MOST_ROWS]
     )
     return (Table("Modes", columns, rows),)
+
+
+def _heading(key: str) -> str:
+    """Of a key that may end in its unit."""
+    what, _, unit = key.rpartition("_")
+    text = f"{what} / {_UNITS[unit]}" if unit in _UNITS else key
+    return f"{text[0].upper()}{text[1:].replace('_', ' ')}"
 
 
 def _cell(key: str, value: Any) -> str:

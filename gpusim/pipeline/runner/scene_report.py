@@ -85,6 +85,7 @@ class SceneReport:
         measurements = [item for one in told for item in one.measurements]
         solution = self._said("solve").get("solution")
         fields, path = self._fields()
+        lowest = {} if scene.analysis.frame_rate else lowest_modes(self._modes)
         return Report(
             scene=scene.name,
             adapter=self._adapters(),
@@ -100,7 +101,7 @@ class SceneReport:
             load_path=path,
             description=scene.description,
             failure=failure,
-            highlights=lowest_modes(self._modes) or _highlights(fields),
+            highlights=lowest or _highlights(fields),
             facts=self._facts(),
             scene_text=scene.to_toml(),
             frames=_pairs(scene, self.out, told, self._frame_shown(fields)),

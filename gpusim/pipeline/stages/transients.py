@@ -68,9 +68,13 @@ def transient(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
             motion = Transient(Course(instants, np.asarray(history.u), np.asarray(history.v)))
         else:
             motion = _superposed(history.modal, instants, around)
+            assert motion.natural is not None
+            frequency, damping = motion.natural[:, motion.natural[0] > 0.0]
+            columns = {"frequency_Hz": frequency, "damping_percent": 100.0 * damping}
+            found.tell_modes(body, range(1, len(frequency) + 1), columns)
         motion = motion if ground is None else _on_ground(motion, ground)
         found.arrays |= vibration_arrays(motion, number)
-        found.charts += _charts(body.name, history)
+        found.charts += _charts(body.name, history, ground is not None)
     return found.result(session, "; ".join(dict.fromkeys(found.facts.values())))
 
 
@@ -147,7 +151,7 @@ def _kinks(kinks: Float, instants: Float, around: float) -> Float:
     return corners.clip(instants[0], instants[-1])
 
 
-def _charts(name: str, history: fem.History) -> list[Chart]:
+def _charts(name: str, history: fem.History, shaken: bool) -> list[Chart]:
     """How the node moves that moves most, and where the energy is."""
     times: Any = history.times.tolist()
     looked = np.unique(np.linspace(0, len(times) - 1, LOOKS).astype(int))
@@ -155,9 +159,10 @@ def _charts(name: str, history: fem.History) -> list[Chart]:
     moved = 1e3 * np.asarray(history.u[:, node])
     motion = {axis: moved[:, k].tolist() for k, axis in enumerate("xyz")}
     energy = {key.replace("_", " "): getattr(history.energy, key).tolist() for key in ENERGIES}
-    place, about = place_of(history.model, node), "Relative to the ground."
+    place = place_of(history.model, node)
+    about = "Relative to the ground." if shaken else ""
     return [
-        Chart(f"Motion, {name}", f"Of {place}, which moves most. {about}", "Time (s)",
+        Chart(f"Motion, {name}", f"Of {place}, which moves most. {about}".strip(), "Time (s)",
               "Displacement (mm)", times, motion),
         Chart(f"Energy, {name}", about, "Time (s)", "Energy (J)", times, energy),
     ]  # fmt: skip

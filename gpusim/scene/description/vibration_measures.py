@@ -12,6 +12,7 @@ from gpusim.scene.tables.table import Name, Pair, PositivePair, Vector, fault
 from .analysis.analysis_table import check_band
 from .correlation_measures import one_of_each
 from .measure_table import MeasureFault, MeasureTable
+from .video import has_frame_rate
 
 LEAST_FRAMES = 64
 """Of which modes can be told."""
@@ -84,9 +85,12 @@ class ModesTable(MeasureTable):
     ) -> Iterator[MeasureFault]:
         """Frames are in time, as many and as fast as what is looked for needs."""
         analysis = document.get("analysis")
-        rate = analysis.get("frame_rate_Hz") if isinstance(analysis, Mapping) else None
+        known = analysis if isinstance(analysis, Mapping) else {}
+        rate, wanted = known.get("frame_rate_Hz"), "analysis.frame_rate_Hz"
         if rate is None:
-            yield ("type",), "without a time between frames", "modes", "analysis.frame_rate_Hz"
+            if not has_frame_rate(str(known.get("type", "static"))):
+                wanted = 'analysis.type = "transient": frames of others show phases, not instants'
+            yield ("type",), "without a time between frames", "modes", wanted
         band = entry.get("band_Hz")
         if isinstance(band, list) and isinstance(rate, int | float):
             fast = [one for one in band if isinstance(one, int | float) and one >= 0.5 * rate]

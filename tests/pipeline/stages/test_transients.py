@@ -196,4 +196,10 @@ def test_report_has_motion_and_energy(tmp_path: Path) -> None:
     assert report.status == "done" and report.facts["solved, bar"].startswith("6 modes")
     assert (tmp_path / "out" / "figures" / "chart-2.png").is_file()
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert "Motion, bar" in page and "Energy, bar" in page and "time 0.002" in page
+    assert "Motion, bar" in page and "Energy, bar" in page and "time 0.002 s" in page
+    assert "Relative to the ground" not in page
+    assert [one["mode"] for one in report.modes] == [1, 2, 3, 4, 5, 6]
+    first = report.modes[0]
+    share = 100 * 5.0 / (4 * np.pi * first["frequency_Hz"])  # of critical damping, by mass
+    assert first["damping_percent"] == pytest.approx(share) and "Damping / %" in page
+    assert not any("Lowest" in name for name in report.highlights)

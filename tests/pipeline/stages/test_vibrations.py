@@ -221,7 +221,7 @@ def test_report_and_window(modal: Scene, tmp_path: Path) -> None:
     assert 140.0 < first["frequency_Hz"] < 147.0 and first["error"] <= 1e-8
     assert 60.0 < first["mass_z_percent"] < 65.0 and first["mass_x_percent"] == 0.0
     (table,) = report.first_tables
-    assert table.columns[:3] == ("Body", "Mode", "Frequency Hz")
+    assert table.columns[:3] == ("Body", "Mode", "Frequency / Hz")
     assert table.rows[0][:2] == ("bar", "1")
     assert report.highlights["Lowest frequency, bar"][1] == "mode 1"
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")

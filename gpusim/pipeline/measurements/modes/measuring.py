@@ -64,7 +64,7 @@ def measure_modes(
     return ModesResult(
         spec.name, PointTable.of("mode", numbers, {len(pictures) - 1: columns}), spec.camera,
         found.points, found.shapes, fitted[:, None, None] * true_shapes, series.times,
-        series.displacement[:, series.ok], int((~series.ok).sum()),
+        series.displacement[:, series.ok], int((~series.ok).sum()), spec.modes,
     )  # fmt: skip
 
 

@@ -29,6 +29,7 @@ class ModesResult(Result):
         fits best, NaN where there is none.
     times, displacement_px : (T,) s and (T, P, 2) from which they come.
     lost : so many other points weren't found in all pictures.
+    sought : so many modes were looked for, at most.
     """
 
     camera: str
@@ -38,6 +39,7 @@ class ModesResult(Result):
     times: Float
     displacement_px: Float
     lost: int
+    sought: int
 
     @property
     def note(self) -> str:
@@ -47,8 +49,10 @@ class ModesResult(Result):
 
     @property
     def warnings(self) -> list[str]:
-        """Points that were lost, and modes of which nobody knows the true one."""
+        """Points that were lost, modes that were, and those of which nobody knows the true one."""
         said = [f"{self.lost} points weren't found in all pictures"] if self.lost else []
+        if len(self.shapes) < self.sought:
+            said += [f"{len(self.shapes)} of {self.sought} modes found"]
         unknown = np.flatnonzero(~np.isfinite(self.table["true_frequency_Hz"][-1]))
         said += [f"{self.table.points[k]} is like none of the body's modes" for k in unknown]
         return [f"measure {self.name!r}: {one}" for one in said]

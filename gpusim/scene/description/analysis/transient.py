@@ -74,6 +74,10 @@ class TransientTable(AnalysisTable):
         last = floor(self.duration_s * self.frame_rate_Hz * (1 + 1e-12))
         return tuple(k / self.frame_rate_Hz for k in range(last + 1))
 
+    def frame_text(self, frame: int) -> str:
+        """Its time."""
+        return f"{super().frame_text(frame)} s"
+
     @property
     def time_step(self) -> float | None:
         """s, of the methods that step through time."""

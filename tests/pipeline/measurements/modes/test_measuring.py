@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +44,9 @@ def test_a_bar_that_is_let_go(tmp_path: Path) -> None:
     assert {one.verdict for one in (frequency, damping, likeness)} == {"good"}
     assert len(report.series) == 1 and len(report.overlays) == 1
     result = ModesResult.read(tmp_path / "measure", "modes")
+    assert not any("modes found" in one for one in result.warnings)
+    more = replace(result, sought=2).warnings
+    assert "measure 'modes': 1 of 2 modes found" in more
     assert result.displacement_px.shape == (65, 6 - result.lost, 2) and result.lost <= 1
     assert np.abs(result.shapes - result.true_shapes).max() < 0.02
     rows = (tmp_path / "measure/modes-series.csv").read_text().splitlines()
@@ -71,6 +75,9 @@ def test_modes_without_a_true_one_stand_alone(tmp_path: Path) -> None:
     ("analysis", "keys", "text"),
     [
         ({"type": "static", "load_factors": [0.0] * 70}, {}, "without a time between frames"),
+        ({"type": "modal", "count": 1, "phases": 70}, {}, 'expected analysis.type = "transient"'),
+        (FILM, {"band_Hz": [100.0, 600.0]}, "band_Hz: out of range.*half the frame rate"),
+        (FILM, {"band_Hz": [100.0, "x"]}, "band_Hz"),
         (FILM, {"end_mm": None}, r"end_px: where it is; got neither"),
         (FILM, {"subset_px": 8}, r"subset_px: even; got 8; expected an odd number"),
         (FILM, {"identification": "fdd"}, r'excitation: with identification "fdd"; got "?release'),
