@@ -129,7 +129,11 @@ def identify_files(
 
     Examples
     --------
-    See `IdentificationOutput`.
+    >>> y, x = np.mgrid[:50, :60]
+    >>> film = [90 + 40 * np.sin((x - np.sin(one)) / 3) * np.cos(y / 4) for one in np.arange(99.0)]
+    >>> settings = gs.applications.IdentificationSettings(grid=3, rate_Hz=100, modes=1)
+    >>> gs.applications.identify_files(np.array(film), "sway", settings).report["measured"]
+    4
     """
     with claim(output):
         source = timed(video, settings.rate_Hz)

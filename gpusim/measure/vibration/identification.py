@@ -71,7 +71,7 @@ def identify_modes(
     band_Hz : lowest and highest frequency of modes that are looked for; None: up to 0.45 pictures
         a second. What the lower end is has no sharp effect.
     method : "ssi": covariance-driven subspace identification; "fdd": enhanced frequency-domain
-        decomposition, which needs long records and modes that stand apart.
+        decomposition, which needs 1920 pictures or more, and modes that stand apart.
     excitation : "ambient": a random force that excites all modes, all the time; "release":
         the structure was let go, or hit, before the first picture ("ssi" only).
 
@@ -83,7 +83,11 @@ def identify_modes(
 
     Examples
     --------
-    See `OperationalModes`.
+    >>> times = np.arange(400) / 100
+    >>> sway = np.exp(-times) * np.cos(50 * times)
+    >>> series = gs.measure.PointSeries.of(times, [[40, 10]], sway[:, None, None] * [1.0, 0.2])
+    >>> gs.measure.identify_modes(series, modes=1, excitation="release").frequency_Hz.round(2)
+    array([7.96])
     """
     band = identifiable_band(series.times, band_Hz, method, excitation)
     responses = _responses(series, band)
