@@ -31,7 +31,8 @@ from gpusim.validation import Count, Positive, checked
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
-ARROW = 0.1  # of the picture's longer side: the greatest component of a shape
+ARROW = 0.1  # of the picture's longer side: the greatest component of a shape,
+LONGEST_SIDES = 2.0  # which counts as no more than so many times the shorter one
 SCHEMA = 1
 
 
@@ -257,7 +258,7 @@ def _write_hdf5(
 def _draw(path: Path, picture: Image, modes: OperationalModes, number: int) -> Path:
     """A shape as arrows over the picture, in both of its extremes."""
     height, width = picture.shape
-    longest = ARROW * max(height, width)
+    longest = ARROW * min(max(height, width), LONGEST_SIDES * min(height, width))
     place, shape = modes.points, longest * modes.shapes[number]
 
     def draw(canvas: Canvas) -> None:
