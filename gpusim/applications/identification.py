@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,13 +14,14 @@ import numpy as np
 from gpusim._version import __version__
 from gpusim.applications.correlation_output import Progress
 from gpusim.arrays.array_types import Float
-from gpusim.errors import require
+from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.files.atomic_files import PathLike, atomic_path, write_text
 from gpusim.files.frame_source import Frames, FrameSource, read_frames
 from gpusim.files.hdf5_file import writing_hdf5
 from gpusim.files.output_folder import claim, delete, inside
 from gpusim.measure import OperationalModes, PointSeries, grid_points, identify_modes, point_series
+from gpusim.measure.correlation.matching import Status
 from gpusim.measure.images import Image, check_image
 from gpusim.measure.vibration.identification import Excitation, Identification, identifiable_band
 from gpusim.measure.vibration.point_series import DisplacementMethod
@@ -29,7 +31,8 @@ from gpusim.validation import Count, Positive, checked
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
-ARROW = 0.1  # of the picture's longer side: the greatest component of a shape
+ARROW = 0.1  # of the picture's longer side: the greatest component of a shape,
+LONGEST_SIDES = 2.0  # which counts as no more than so many times the shorter one
 SCHEMA = 1
 
 
@@ -148,7 +151,9 @@ def identify_files(
         series = point_series(
             source, points, method=settings.displacements, subset=settings.subset, progress=measured
         )
-        require(bool(series.ok.any()), "points", "none found in all pictures", "at least one")
+        if not series.ok.any():
+            lost = ", ".join(f"{count} {reason}" for reason, count in _lost(series).items())
+            raise InputError(f"points: none found in all pictures ({lost}); expected at least one")
         modes = identify_modes(
             series, modes=settings.modes, band_Hz=settings.band_Hz, method=settings.method,
             excitation=settings.excitation,
@@ -177,6 +182,11 @@ def _points(first: Image, settings: IdentificationSettings) -> Float:
     return grid_points(first.shape, subset=settings.subset, step=step, roi=settings.roi)
 
 
+def _lost(series: PointSeries) -> dict[str, int]:
+    """How many points were first not found for which reason."""
+    return dict(Counter(Status(one).name.lower() for one in series.status[~series.ok].tolist()))
+
+
 def _report(
     source: FrameSource, series: PointSeries, modes: OperationalModes, s: IdentificationSettings
 ) -> dict[str, Any]:
@@ -192,6 +202,7 @@ def _report(
         "rate_Hz": series.rate_Hz,
         "points": len(series.points),
         "measured": int(series.ok.sum()),
+        "lost": _lost(series),
         "displacements": s.displacements,
         "method": s.method,
         "modes": [
@@ -253,7 +264,7 @@ def _write_hdf5(
 def _draw(path: Path, picture: Image, modes: OperationalModes, number: int) -> Path:
     """A shape as arrows over the picture, in both of its extremes."""
     height, width = picture.shape
-    longest = ARROW * max(height, width)
+    longest = ARROW * min(max(height, width), LONGEST_SIDES * min(height, width))
     place, shape = modes.points, longest * modes.shapes[number]
 
     def draw(canvas: Canvas) -> None:

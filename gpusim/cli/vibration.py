@@ -121,7 +121,8 @@ def _print_modes(report: Mapping[str, Any], folder: Path) -> None:
         share, sigma = 100 * one["damping"], 100 * one["damping_sigma"]
         hertz = (f"{one['frequency_Hz']:.4f}", f"{one['frequency_sigma_Hz']:.4f}")
         rows.append((str(int(one["mode"])), *hertz, f"{share:.3f}", f"{sigma:.3f}"))
-    out(f"{report['measured']} of {report['points']} points in {report['frames']} frames")
+    lost = "".join(f", {count} {reason}" for reason, count in report["lost"].items())
+    out(f"{report['measured']} of {report['points']} points in {report['frames']} frames{lost}")
     print_rows(rows, "<" + ">" * 4)
     for text in report["warnings"]:
         out(f"warning: {text}")

@@ -26,6 +26,7 @@ from .description.mesh import (
     PlateMeshTable,
 )
 from .description.model import CameraTable, MarkersTable, Paint, Vec3
+from .description.vibration_measures import ModesTable
 from .description.video import filming
 from .scene import Scene
 
@@ -63,10 +64,7 @@ def describe(scene: Scene, made: Counts | None = None) -> dict[str, str]:
         "render": lit,
         "truth": f"{len(scene.output.truth)} layers",
         "truth file": "mesh, nodes, and what cameras see",
-        "measure": " and ".join(
-            [f"{_markers(scene)} markers"] * any(not one.correlates for one in scene.measures)
-            + ["image correlation"] * any(one.correlates for one in scene.measures)
-        ),
+        "measure": " and ".join(_measured(scene)),
         "export": ", ".join(wanted),
     }
 
@@ -113,6 +111,17 @@ def _renderings(camera: CameraTable) -> float:
 
 def _paints(scene: Scene) -> list[Paint]:
     return [paint for thing in (*scene.bodies, *scene.props) for paint in thing.paints]
+
+
+def _measured(scene: Scene) -> list[str]:
+    """What measures look at, in words."""
+    followed = [one.count for one in scene.measures if isinstance(one, ModesTable)]
+    correlated = [one for one in scene.measures if one.correlates]
+    words = [f"{sum(followed)} points"] if followed else []
+    words += ["image correlation"] if correlated else []
+    if len(followed) + len(correlated) < len(scene.measures):
+        words.insert(0, f"{_markers(scene)} markers")
+    return words
 
 
 def _markers(scene: Scene) -> int:

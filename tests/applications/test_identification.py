@@ -40,6 +40,7 @@ def test_modes_of_a_film(film: Float, tmp_path: Path) -> None:
     assert np.abs(shapes[0, :, 1]).max() < 0.02 < 0.98 < shapes[0, :, 0].min()
     assert np.abs(shapes[1, :, 0]).max() < 0.02 < 0.98 < shapes[1, :, 1].min()
     assert told[-1] == 1.0 and len(told) == 160
+    assert sum(done.report["lost"].values()) + done.report["measured"] == done.report["points"]
     table = np.genfromtxt(tmp_path / "out/modes.csv", delimiter=",", names=True)
     np.testing.assert_allclose(table["frequency_Hz"], done.modes.frequency_Hz, rtol=1e-8)
     rows = np.genfromtxt(tmp_path / "out/shapes.csv", delimiter=",", names=True)
@@ -76,7 +77,7 @@ def test_command(film: Float, tmp_path: Path) -> None:
 
 def test_wrong_files(tmp_path: Path) -> None:
     flat = np.full((70, 40, 50), 9, np.uint8)
-    with pytest.raises(gs.InputError, match="none found in all pictures"):
+    with pytest.raises(gs.InputError, match=r"none found in all pictures \(\d+ no_texture\)"):
         identify_files(flat, tmp_path / "out", IdentificationSettings(rate_Hz=10.0))
     with pytest.raises(gs.InputError, match="rate_Hz"):
         IdentificationSettings(rate_Hz=-1.0)

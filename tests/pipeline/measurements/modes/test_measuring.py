@@ -14,6 +14,7 @@ from gpusim.errors import InputError, SceneError
 from gpusim.pipeline.measurements.modes.result import ModesResult
 from gpusim.pipeline.measurements.results import PointTable
 from gpusim.scene import Scene
+from gpusim.scene.cost import describe
 from tests.support.small_scene import DOCUMENT, small_scene
 
 FILM = {"type": "transient", "duration_s": 0.064, "frame_rate_Hz": 1000.0, "count": 2,
@@ -36,6 +37,7 @@ def film(analysis: Any = FILM, **keys: Any) -> Scene:
 
 def test_a_bar_that_is_let_go(tmp_path: Path) -> None:
     report = gs.run(film(), tmp_path, backend="numpy")
+    assert describe(film())["measure"] == "6 points"
     told = {one.name: one for one in report.measurements}
     frequency, damping, likeness = (
         told[f"modes: mode 1, {what}"] for what in ("frequency", "damping", "MAC")
