@@ -22,6 +22,8 @@ from gpusim.files.output_folder import is_alive
 PathLike = str | os.PathLike[str]
 
 _LEFTOVER = re.compile(r"^\..+\.(\d+)-[0-9a-f]+\.part$")
+_SHORT = re.compile(r"\d+ requested and \d+ written")
+"""All that NumPy says of a file that can't take what it writes."""
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 _REFUSED = {
     errno.EACCES,
@@ -166,8 +168,9 @@ def explained(error: OSError, part: Path, final: Path) -> Exception:
         parents = {str(parent) for parent in final.parents}
         if str(error.filename) not in parents:
             return error
-    if error.errno in _FULL:
-        cause = os.strerror(error.errno)
+    short = _SHORT.fullmatch(str(error))
+    if error.errno in _FULL or short:
+        cause = str(error) if short else os.strerror(error.errno or 0)
         return GpusimError(f"write: {final}: the disk is full or over quota ({cause})")
     if error.errno in _REFUSED:
         return InputError(

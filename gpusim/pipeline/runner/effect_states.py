@@ -24,7 +24,7 @@ from gpusim.validation import require
 
 LEAN = {"truth": [], "vtu": False, "stl": False, "stress": False, "calibration": [],
         "fields": False}  # fmt: skip
-"""Of [output], in states: files that nobody needs of them."""
+"""Of [output], in states: files that nobody needs of them, as their films."""
 State = Literal["none", "only", "no"]
 Documents = Mapping[tuple[State, str], dict[str, Any]]
 """Of scenes, by what their pictures have of the effects: "no" or "only" the one of a name."""
@@ -74,7 +74,8 @@ class EffectStates:
         """Run ``scene`` into ``out``, and its states, whose reports have figures or not."""
         scenes = {"": scene}
         for (state, name), document in self.documents.items():
-            lean = document | {"output": document.get("output", {}) | LEAN}
+            lean = {key: table for key, table in document.items() if key != "video"}
+            lean["output"] = document.get("output", {}) | LEAN
             source = f"{scene.source}, {state} {name}".strip()
             scenes[self.place(state, name)] = Scene.from_document(
                 lean, source=source, files=scene.files

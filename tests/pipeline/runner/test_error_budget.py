@@ -17,8 +17,10 @@ from tests.support.speckled_plate import speckled_plate
 
 def test_the_budget_of_noise(checkout: Path, tmp_path: Path) -> None:
     changes = {"light": [], "sensor.bits": 16, "sensor.full_well_e": 800.0, "output.truth": []}
+    changes |= {"video": {"frame_rate_Hz": 25.0}}
     scene = gs.load_scene(checkout / "examples" / "cantilever.toml", changes)
     report = run_budget(scene, tmp_path)
+    assert [film.parent for film in tmp_path.rglob("*.mkv")] == [tmp_path / "video"]
     budget = report.budget
     assert budget is not None and budget.sources == ("noise",)
     names = [name for name, _ in budget.quantities]
