@@ -39,10 +39,13 @@ def measure_modes(
     names = [f"frame {k}" for k in range(len(pictures))]
     film = FrameSource(pictures, names, np.arange(len(pictures)) / rate)
     series = measure.point_series(film, points, method=spec.method, subset=spec.subset_px)
-    found = measure.identify_modes(
-        series, modes=spec.modes, band_Hz=spec.band_Hz, method=spec.identification,
-        excitation=spec.excitation,
-    )  # fmt: skip
+    try:
+        found = measure.identify_modes(
+            series, modes=spec.modes, band_Hz=spec.band_Hz, method=spec.identification,
+            excitation=spec.excitation,
+        )  # fmt: skip
+    except InputError as error:
+        raise InputError(f"measure {spec.name!r}: {error}") from None
     seen = motion.seen_at(spec.camera, found.points)
     true = true_modes(motion, spec.camera, seen)
     pair, likeness = _paired(found, true)
