@@ -6,7 +6,7 @@ from pathlib import Path
 
 from gpusim.applications.correlation_output import Progress
 from gpusim.applications.identification import silent, timed
-from gpusim.export.video import VideoSink
+from gpusim.export.video import WRITERS, VideoSink
 from gpusim.files.atomic_files import PathLike
 from gpusim.files.frame_source import Frames, FrameSource
 from gpusim.measure import magnify
@@ -40,7 +40,7 @@ def magnify_files(
     """
     source = timed(video, rate_Hz)
     path = Path(output)
-    if not path.suffix or path.is_dir():
+    if path.suffix.lower() not in WRITERS:
         path = path / "*.png"
     pictures = magnify(source, band_Hz, factor)
     with VideoSink(path, frame_rate=sampling_rate(source.times)) as sink:
