@@ -19,7 +19,7 @@ from gpusim.field_summary import field_summary
 from gpusim.files.atomic_files import PathLike, atomic_path, write_text
 from gpusim.files.frame_source import Frames, FrameSource, read_frames
 from gpusim.files.hdf5_file import writing_hdf5
-from gpusim.files.output_folder import claim, inside
+from gpusim.files.output_folder import claim, delete, inside
 from gpusim.measure import OperationalModes, PointSeries, grid_points, identify_modes, point_series
 from gpusim.measure.correlation.matching import Status
 from gpusim.measure.images import Image, check_image
@@ -132,7 +132,11 @@ def identify_files(
 
     Examples
     --------
-    See `IdentificationOutput`.
+    >>> y, x = np.mgrid[:50, :60]
+    >>> film = [90 + 40 * np.sin((x - np.sin(one)) / 3) * np.cos(y / 4) for one in np.arange(99.0)]
+    >>> settings = gs.applications.IdentificationSettings(grid=3, rate_Hz=100, modes=1)
+    >>> gs.applications.identify_files(np.array(film), "sway", settings).report["measured"]
+    4
     """
     with claim(output):
         source = timed(video, settings.rate_Hz)
@@ -156,6 +160,8 @@ def identify_files(
         )  # fmt: skip
         report = _report(source, series, modes, settings)
         folder = Path(output)
+        for drawn in folder.glob("mode_[0-9]*.png"):  # of more modes than there are now
+            delete(folder, drawn.name)
         files = [
             write_text(inside(folder, "modes.csv"), _table(_mode_columns(modes))),
             write_text(inside(folder, "shapes.csv"), _table(_shape_columns(modes))),

@@ -6,9 +6,11 @@ from pathlib import Path
 
 from gpusim.applications.correlation_output import Progress
 from gpusim.applications.identification import silent, timed
+from gpusim.errors import require
 from gpusim.export.video import WRITERS, VideoSink
 from gpusim.files.atomic_files import PathLike
-from gpusim.files.frame_source import Frames, FrameSource
+from gpusim.files.frame_source import VIDEOS, Frames, FrameSource
+from gpusim.files.output_folder import inside
 from gpusim.measure import magnify
 from gpusim.measure.vibration.sampling import sampling_rate
 
@@ -40,8 +42,11 @@ def magnify_files(
     """
     source = timed(video, rate_Hz)
     path = Path(output)
-    if path.suffix.lower() not in WRITERS:
-        path = path / "*.png"
+    suffix = path.suffix.lower()
+    expected = f"a folder, or one of {', '.join(WRITERS)}"
+    require(suffix not in VIDEOS.keys() - WRITERS.keys(), "output", path.name, expected)
+    if suffix not in WRITERS:
+        path = inside(path, "*.png")
     pictures = magnify(source, band_Hz, factor)
     with VideoSink(path, frame_rate=sampling_rate(source.times)) as sink:
         for number, (picture, time) in enumerate(zip(pictures, source.times, strict=True)):

@@ -29,7 +29,7 @@ from gpusim.export.frame_writers import (
 )  # fmt: skip
 from gpusim.files.atomic_files import PathLike
 from gpusim.files.frame_source import FrameSource, read_video
-from gpusim.files.recording import Image, write_times
+from gpusim.files.recording import Image, times_file, write_times
 from gpusim.validation import Finite, Positive, checked, real_numbers, unmasked
 
 WRITERS: dict[str, Callable[[Path, Take, ExitStack], Writer]] = {
@@ -100,12 +100,14 @@ class VideoSink:
         self._writer: Writer | None = None
         self._times: list[float] = []
         self._hashes: list[bytes] = []
+        self._closed = False
 
     def append(self, image: Image, time: float) -> None:
         """Add a frame. Raises InputError for one of another size or type than the first, numbers
         of more ``bits``, or a time that isn't after the last one's."""
         image, number = np.asarray(image), len(self._times)
         where = f"video: {self.path}: frame {number}"
+        require(not self._closed, where, "a sink that is closed", "an open one")
         writer = self._writer = self._writer or self._begun(image, time)
         first = self._take.image
         got, expected = (f"shape {one.shape}, {one.dtype}" for one in (image, first))
@@ -120,23 +122,32 @@ class VideoSink:
             self._hashes.append(_hash(image))
 
     def close(self) -> None:
-        """Raises InputError without a frame, GpusimError if one doesn't come back as it was."""
+        """Raises InputError without a frame, GpusimError if one doesn't come back as it was, of
+        which no film is left. A second time it does nothing."""
+        if self._closed:
+            return
+        self._closed = True
         with self._stack:
             if self._writer is None:
                 raise InputError(f"video: {self.path}: got no frame; expected at least one")
             self._writer.finish(self._times)
-        write_times(self._writer.place, self._times, self.line_time)
-        if self._hashes:
-            stored = map(_hash, read_video(self._writer.place))
-            for number, (back, given) in enumerate(zip_longest(stored, self._hashes)):
-                if back != given:
-                    raise GpusimError(f"video: {self.path}: frame {number} isn't as it was given")
+        place = self._writer.place
+        times_file(place).unlink(missing_ok=True)  # that of the film which was there
+        write_times(place, self._times, self.line_time)
+        stored = map(_hash, read_video(place)) if self._hashes else ()
+        for number, (back, given) in enumerate(zip_longest(stored, self._hashes)):
+            if back != given:
+                if place.is_file():
+                    times_file(place).unlink()
+                    place.unlink()
+                raise GpusimError(f"video: {self.path}: frame {number} isn't as it was given")
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *error: Any) -> None:
         if any(error):
+            self._closed = True
             self._stack.__exit__(*error)
         else:
             self.close()

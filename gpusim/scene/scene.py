@@ -132,7 +132,7 @@ class Scene:
         origins = overridden(origins, changed)
         unread, hashes = find_files(plain, Path(folder), dict(files))
         load_kinds(plain)
-        complete_from_video(plain)
+        complete_from_video(plain, document.get("video") if changed else None)
         table, more = None, 0
         try:
             table = SceneTable.model_validate(plain)

@@ -58,6 +58,8 @@ def test_command(film: Float, tmp_path: Path) -> None:
     pictures = np.clip(np.rint(film * 100), 0, 65535).astype(np.uint16)
     gs.write_video(tmp_path / "film.mkv", list(pictures), frame_rate=RATE)
     arguments = ["identify", str(tmp_path / "film.mkv"), "-o", str(tmp_path / "out"), "--json"]
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out/mode_2.png").write_bytes(b"of a run before")
     options = ["--point", "40,33", "--point", "30,30", "--modes", "1", "--band", "15,40",
                "--excitation", "release", "--displacements", "phase"]  # fmt: skip
     done = CliRunner().invoke(app, [*arguments, *options])
@@ -65,6 +67,7 @@ def test_command(film: Float, tmp_path: Path) -> None:
     report = json.loads(done.stdout)
     assert report["modes"][0]["frequency_Hz"] == pytest.approx(HERTZ[1], rel=1e-3)
     assert report["rate_Hz"] == pytest.approx(RATE) and report["points"] == 2
+    assert [path.name for path in (tmp_path / "out").glob("*.png")] == ["mode_1.png"]
     wrong = CliRunner().invoke(app, [*arguments[:-1], "--band", "15;40"])
     assert wrong.exit_code == 2 and "--band: got '15;40'; expected LOW,HIGH" in wrong.stderr
     text = CliRunner().invoke(app, [*arguments[:-1], *options[:4], "--excitation", "release",

@@ -33,3 +33,6 @@ def test_film_in_film_out(tmp_path: Path) -> None:
     assert np.abs(video[17].astype(float) - pictures[17]).max() > 10
     wrong = CliRunner().invoke(app, [*arguments, "--band", "18,14", "--factor", "10"])
     assert wrong.exit_code == 2 and "--band-Hz" not in wrong.stderr and "band_Hz" in wrong.stderr
+    other = CliRunner().invoke(app, [*arguments[:-1], str(tmp_path / "large.avi"), *ARGUMENTS])
+    assert other.exit_code == 2 and "large.avi; expected a folder, or one of .mkv" in other.stderr
+    assert not (tmp_path / "large.avi").exists()

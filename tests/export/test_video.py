@@ -102,7 +102,33 @@ def test_a_frame_that_comes_back_otherwise_is_seen(
     given = frames((57, 33), 255)
     with pytest.raises(GpusimError, match="frame 2 isn't as it was given"):
         gs.write_video(tmp_path / "film.mkv", given, frame_rate=10.0)
+    assert list(tmp_path.iterdir()) == []
     gs.write_video(tmp_path / "film.mkv", given, frame_rate=10.0, verify=False)
+
+
+@pytest.mark.parametrize("name", ["film.mkv", "film.cih", "film/*.png"])
+def test_a_sink_that_is_closed_stays_so(name: str, tmp_path: Path) -> None:
+    with VideoSink(tmp_path / name, 10.0) as sink:
+        sink.append(ONE, 0.0)
+        sink.close()
+    before = {one: one.read_bytes() for one in tmp_path.rglob("*.*")}
+    with pytest.raises(InputError, match="frame 1; got a sink that is closed"):
+        sink.append(ONE, 0.1)
+    sink.close()
+    assert {one: one.read_bytes() for one in tmp_path.rglob("*.*")} == before
+
+
+def test_the_times_of_an_older_film_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Even where those of the new one can't be written."""
+    path = gs.write_video(tmp_path / "film.mkv", [ONE, ONE], times=[0.0, 7.0])
+
+    def full(*_: Any) -> None:
+        raise GpusimError("the disk is full")
+
+    monkeypatch.setattr("gpusim.export.video.write_times", full)
+    with pytest.raises(GpusimError, match="full"):
+        gs.write_video(path, [ONE, ONE], times=[0.0, 0.1])
+    assert gs.read_video(path).times.tolist() == [0.0, 0.1]
 
 
 ONE = np.zeros((9, 7), np.uint8)

@@ -116,7 +116,7 @@ def test_long_functions_are_found() -> None:
 
 def test_requirements_and_imports_agree(checkout: Path) -> None:
     names = {"cv2": "opencv-contrib-python-headless", "PIL": "pillow", "pydantic_core": "pydantic"}
-    names |= {"mpl_toolkits": "matplotlib"}
+    names |= {"mpl_toolkits": "matplotlib", "yaml": "pyyaml"}
     imported = set()
     for path in sorted((checkout / "gpusim").rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):

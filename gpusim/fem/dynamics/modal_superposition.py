@@ -20,6 +20,7 @@ from gpusim.fem.linear.solve_plan import Options
 from gpusim.fem.model.damping import Damping, Rayleigh
 from gpusim.fem.model.modes import Modes
 from gpusim.fem.model.record import Record
+from gpusim.parallel.blas_threads import one_blas_thread
 
 # instants that are worked on at a time
 _CHUNK = 1024
@@ -82,7 +83,8 @@ class ModalCoordinates:
         stiff = np.maximum(rate**2, damping / length)
         unit = np.stack([length, np.ones_like(rate), rate, stiff, stiff / length], axis=-1)
         ratio = unit[..., :, None] / unit[..., None, :]
-        grown = expm(system / ratio * t[..., None, None])[..., :3, :] * ratio[..., :3, :]
+        with one_blas_thread():
+            grown = expm(system / ratio * t[..., None, None])[..., :3, :] * ratio[..., :3, :]
         return np.asarray(grown[number])
 
 

@@ -18,6 +18,7 @@ from gpusim.measure.vibration.spectra import CrossSpectra, peaks
 SAME_SHAPE = 0.8  # MAC with the shape of the peak, within its bell
 HIGH, LOW = 0.9, 0.25  # of the decay's beginning, between which it is fitted
 LEAST_APART = 3  # lines between peaks
+LEAST_LAGS = 4  # of a decay, to which it is fitted
 
 
 def decomposed(spectra: Complex) -> tuple[Float, Complex]:
@@ -39,7 +40,10 @@ def decomposition_modes(
     def estimate(means: Float | Complex) -> Poles:
         return _oscillators(spectra, np.asarray(means, dtype=np.complex128), rows)
 
-    return estimate(spectra.blocks.mean(axis=0)), jackknife(spectra.blocks, estimate, loadings)
+    found = estimate(spectra.blocks.mean(axis=0))
+    sigma = jackknife(spectra.blocks, estimate, loadings)
+    decays = found.damping > 0  # a peak of noise needn't
+    return found[decays], sigma[decays]
 
 
 def _oscillators(spectra: CrossSpectra, means: Complex, rows: Long) -> Poles:
@@ -61,15 +65,18 @@ def _oscillators(spectra: CrossSpectra, means: Complex, rows: Long) -> Poles:
 
 
 def _decay(correlation: Complex, spectra: CrossSpectra) -> tuple[float, float]:
-    """Frequency, Hz, and damping of a decaying complex oscillation (n,), one sample a time step."""
+    """Frequency, Hz, and damping of a decaying complex oscillation (n,), a sample a time step; NaN
+    where it decays at its end alone."""
     window = spectra.window
     lags = len(window) // 2
     own = np.fft.irfft(np.abs(np.fft.rfft(window, 2 * len(window))) ** 2)[:lags]
     decay = correlation[:lags] / own
     size = np.abs(decay) / np.abs(decay[0])
     begin = int((size < HIGH).argmax())
+    if begin > lags - LEAST_LAGS:
+        return np.nan, np.nan
     end = begin + int((size[begin:] < LOW).argmax()) if (size[begin:] < LOW).any() else lags // 2
-    part = slice(begin, max(end, begin + 4))
+    part = slice(begin, max(end, begin + LEAST_LAGS))
     times = np.arange(lags)[part] / spectra.rate_Hz
     rate = -np.polyfit(times, np.log(size[part]), 1)[0]
     angular = np.polyfit(times, np.unwrap(np.angle(decay[part])), 1)[0]

@@ -38,6 +38,7 @@ DEPTH = (20, 80)  # lags; at most so many of one side
 SIDE = 600  # rows of the Hankel matrix
 LEAST_SAMPLES = 64
 SEGMENTS = 60  # of FDD's spectra, and half as many again between them
+LEAST_LENGTH = 32  # of a segment
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ def identify_modes(
     band_Hz : lowest and highest frequency of modes that are looked for; None: up to 0.45 pictures
         a second. What the lower end is has no sharp effect.
     method : "ssi": covariance-driven subspace identification; "fdd": enhanced frequency-domain
-        decomposition, which needs long records and modes that stand apart.
+        decomposition, which needs 1920 pictures or more, and modes that stand apart.
     excitation : "ambient": a random force that excites all modes, all the time; "release":
         the structure was let go, or hit, before the first picture ("ssi" only).
 
@@ -82,12 +83,19 @@ def identify_modes(
 
     Examples
     --------
-    See `OperationalModes`.
+    >>> times = np.arange(400) / 100
+    >>> sway = np.exp(-times) * np.cos(50 * times)
+    >>> series = gs.measure.PointSeries.of(times, [[40, 10]], sway[:, None, None] * [1.0, 0.2])
+    >>> gs.measure.identify_modes(series, modes=1, excitation="release").frequency_Hz.round(2)
+    array([7.96])
     """
     band = identifiable_band(series.times, band_Hz, method, excitation)
     responses = _responses(series, band)
     if method == "fdd":
         length = 2 * (len(responses.values) // (2 * SEGMENTS))
+        got = f"{len(responses.values)} pictures at {responses.rate_Hz:.4g} Hz"
+        least = f'at least {LEAST_LENGTH * SEGMENTS} for method "fdd"'
+        require(length >= LEAST_LENGTH, "series", got, least)
         spectra = cross_spectra(responses.values, responses.rate_Hz, length, BLOCKS)
         found, sigma = decomposition_modes(spectra, band, modes, responses.loadings)
     else:

@@ -70,6 +70,7 @@ class PointSeries:
     ) -> PointSeries:
         """Of displacements (T, P, 2) px that were measured in any other way; NaN: not found."""
         when, places = real_numbers(times, "times"), check_points(points, "points")
+        require(when.ndim == 1, "times: wrong shape", when.shape, "(T,)")
         moved = real_numbers(displacement, "displacement")
         shape = (len(when), len(places), 2)
         require(moved.shape == shape, "displacement: wrong shape", moved.shape, f"{shape}")

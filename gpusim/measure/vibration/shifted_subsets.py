@@ -147,7 +147,7 @@ class ShiftedSubsets:
             wrong = self.method.difference(model, seen[moving])
             step = np.linalg.solve(self._slopes(model, changes), wrong[:, :, None])[:, :, 0]
             distance[moving] = (whole[moving] + off) @ self.directions.T - step
-            moving = moving[~(np.abs(step).max(axis=1) <= TOLERANCE)]
+            moving = moving[np.abs(step).max(axis=1) > TOLERANCE]  # NaN stays where it is
             if not moving.size:
                 break
         if self.method.steps > 1:
@@ -156,8 +156,10 @@ class ShiftedSubsets:
         return distance
 
     def _likeness(self, off: Float, seen: Float, grey: Float, rows: Long) -> Float:
-        """What the reference sees of a picture over what it sees of itself, so far off."""
+        """What the reference sees of a picture over what it sees of itself, so far off; NaN where a
+        picture has no contrast but that of rounding."""
         contrast = grey.std(axis=1) * np.sqrt(grey.shape[1])
+        contrast[contrast <= MIN_CONTRAST * self._norm[rows]] = np.nan
         model = self._model(off, rows)[0][:, -1]
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(seen * self._norm[rows] / (contrast * model))

@@ -22,6 +22,7 @@ from gpusim.measure.vibration.operational_modes import Poles, distances, jackkni
 
 SAME_FREQUENCY, SAME_DAMPING, SAME_SHAPE = 0.01, 0.1, 0.05  # relative, relative, 1 - MAC
 MOST_DAMPING = 0.3
+UNDAMPED = 1e-3  # what noise may make of no damping, of either sign
 SAME_MODE = 0.06  # of `distances` within a group
 LEAST_ORDERS = 0.3  # share of all orders in which a mode shows
 BLOCKS = 12
@@ -94,12 +95,13 @@ def stabilisation(statistics: Covariances, vectors: Float, orders: Long) -> Stab
     stable: list[Bool] = []
     for order in orders:
         poles = statistics.poles(vectors[:, :order])
-        poles = poles[(poles.damping > 0) & (poles.damping < MOST_DAMPING)]
+        poles = poles[(poles.damping > -UNDAMPED) & (poles.damping < MOST_DAMPING)]
         same = np.zeros(len(poles.damping), dtype=bool)
         if found and len(found[-1].damping) and len(poles.damping):
             before = found[-1][distances(poles, found[-1]).argmin(axis=1)]
             same = np.abs(poles.frequency_Hz / before.frequency_Hz - 1) < SAME_FREQUENCY
-            same &= np.abs(poles.damping / before.damping - 1) < SAME_DAMPING
+            damping = np.maximum(np.abs(before.damping), UNDAMPED)
+            same &= np.abs(poles.damping - before.damping) < SAME_DAMPING * damping
             unlike = distances(poles, before).diagonal()
             same &= unlike < SAME_FREQUENCY + SAME_SHAPE
         found.append(poles)
@@ -126,6 +128,8 @@ def subspace_modes(
         rows for rows in _groups(diagram.poles, kept) if len(rows) >= LEAST_ORDERS * len(orders)
     ]
     groups = sorted(groups, key=len, reverse=True)[:count]
+    if not groups:
+        return diagram.poles[[]], diagram.poles[[]], diagram
     chosen = np.array([_typical(diagram.poles, rows) for rows in groups], dtype=np.int64)
     chosen = chosen[np.argsort(diagram.poles.frequency_Hz[chosen])]
     modes = diagram.poles[chosen]

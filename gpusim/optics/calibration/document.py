@@ -1,8 +1,7 @@
 """The trees of keys, lists and numbers that calibration files are: YAML, JSON and OpenCV's XML.
 
-Of YAML what OpenCV, ROS and Kalibr write is read: maps and lists by indentation or in brackets,
-plain and quoted words, tags (passed over) and comments. Anchors, aliases and texts of several lines
-are refused. Numbers become floats, all else stays text.
+PyYAML reads YAML as events, without making anything of them: tags are passed over, aliases refused,
+decimal numbers become floats, and all else stays text, "no", 010 and 1:30 of YAML 1.1 too.
 """
 
 from __future__ import annotations
@@ -12,10 +11,10 @@ import re
 import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
+import yaml
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
@@ -26,9 +25,6 @@ Document = dict[str, Any]
 
 DEEPEST = 20
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
-_WORD = re.compile(r"""\s*("(?:[^"\\]|\\.)*"|'(?:[^']|'')*'|[\[\]{},]|:(?=[\s\[{]|$)"""
-                   r"""|(?:[^\s\[\]{},:"']|:(?=\S))(?:[^\[\]{},:]|:(?=\S))*)""")  # fmt: skip
-_QUOTED_KEY = re.compile(r"""("(?:[^"\\]|\\.)*"|'[^']*')\s*:(?=\s|$)""")
 
 
 def read_document(text: str, where: str) -> Document:
@@ -40,15 +36,17 @@ def read_document(text: str, where: str) -> Document:
         Not well-formed (with the line), deeper than 20 levels, or no map.
     """
     begin = text.lstrip()[:1]
+    # OpenCV writes ' as \', which neither YAML nor JSON knows
+    plain = re.sub(r"(\\\\)|\\'", lambda found: found[1] or "'", text)
     if begin == "<":
         found = _from_xml(xml_root(text, where), where, 0)
     elif begin == "{":
         try:
-            found = json.loads(text, parse_int=float)
+            found = json.loads(plain, parse_int=float)
         except (ValueError, RecursionError) as error:
             raise InputError(f"{where}; got {error}; expected well-formed JSON") from None
     else:
-        found = _Block(list(_lines(text, where)), where).value(-1, 0)
+        found = _from_yaml(plain, where)
     require(isinstance(found, dict), where, "no keys", "a calibration's")
     return cast(Document, found)
 
@@ -67,164 +65,72 @@ def _from_xml(element: ET.Element, where: str, depth: int) -> Any:
     """Children by name, a list of those named "_", or numbers and words between blanks."""
     require(depth <= DEEPEST, where, f"more than {DEEPEST} levels", "a calibration")
     if not len(element):
-        words = [_scalar(word) for word in (element.text or "").split()]
-        if len(words) != 1 and not all(isinstance(word, float) for word in words):
-            return (element.text or "").strip().strip('"')
+        text = (element.text or "").strip()
+        words = [_scalar(word) for word in text.split()]
+        if not all(isinstance(word, float) for word in words):
+            return text.strip('"')
         return words[0] if len(words) == 1 else words
     if all(child.tag == "_" for child in element):
         return [_from_xml(child, where, depth + 1) for child in element]
     return {child.tag: _from_xml(child, where, depth + 1) for child in element}
 
 
-@dataclass(frozen=True)
-class _Line:
-    number: int
-    indent: int
-    text: str
+def _from_yaml(text: str, where: str) -> Any:
+    """The value of a YAML text; "" for nothing.
+
+    What stands between documents goes: OpenCV appends some to a file, ROS prints one after the
+    other, all with keys of one map; OpenCV's %YAML:1.0 is no directive of YAML.
+    """
+    between = re.compile(r"%(YAML|TAG).*|(---|\.\.\.)\s*")
+    lines = ["" if between.fullmatch(line) else line for line in text.splitlines()]
+    events = yaml.parse("\n".join(lines), Loader=yaml.CSafeLoader)
+    value: Any = ""
+    try:
+        for event in events:
+            if isinstance(event, yaml.DocumentStartEvent):
+                require(value == "", _line(where, event.start_mark), "a second document", "one")
+                value = _from_event(next(events), events, where, 0)
+    except yaml.YAMLError as error:  # in lines: what, where, what, where
+        got = str(error).replace('\n  in "<unicode string>", ', " at ").replace("\n", ", ")
+        raise InputError(f"{where}; got an error: {got}; expected well-formed YAML") from None
+    return value
 
 
-def _lines(text: str, where: str) -> Iterator[_Line]:
-    """Lines without comments and tags; what stands in brackets is joined to one."""
-    first, indent, depth = 0, 0, 0
-    parts: list[str] = []
-    for number, line in enumerate(text.splitlines(), start=1):
-        bare = _bare(line)
-        if not bare or (not depth and bare.startswith(("%", "---", "..."))):
-            continue
-        if not depth:
-            first, indent, parts = number, len(line) - len(line.lstrip()), []
-        parts.append(bare.strip())
-        outside = re.sub(r""""(?:[^"\\]|\\.)*"|'[^']*'""", "", bare)
-        depth += sum(outside.count(c) for c in "[{") - sum(outside.count(c) for c in "]}")
-        if depth <= 0:
-            depth = 0
-            yield _Line(first, indent, " ".join(parts))
-    require(not depth, f"{where} line {first}", "a bracket that isn't closed", "]")
+def _from_event(event: yaml.Event, events: Iterator[yaml.Event], where: str, depth: int) -> Any:
+    """What begins with an event. Tags are passed over, and with them what YAML 1.1 takes "no",
+    1:30 and 010 for."""
+    if isinstance(event, yaml.ScalarEvent):
+        return event.value if event.style else _scalar(event.value)
+    line = _line(where, event.start_mark)
+    alias = isinstance(event, yaml.AliasEvent)
+    require(not alias, line, f"*{event.anchor}", "a plain value: no anchors and aliases")
+    require(depth <= DEEPEST, line, f"{depth} levels", f"at most {DEEPEST} levels")
+    if isinstance(event, yaml.SequenceStartEvent):
+        values = []
+        while not isinstance(event := next(events), yaml.SequenceEndEvent):
+            values.append(_from_event(event, events, where, depth + 1))
+        return values
+    found: Document = {}
+    while not isinstance(event := next(events), yaml.MappingEndEvent):
+        line = _line(where, event.start_mark)
+        # OpenCV's {x:1} has the key x, YAML's x:1
+        word = isinstance(event, yaml.ScalarEvent) and (event.style or ":" not in event.value)
+        require(word, line, getattr(event, "value", "no word"), "'key: value', with the blank")
+        key = event.value
+        require(key not in found, line, f"{key!r} again", "it once")
+        found[key] = _from_event(next(events), events, where, depth + 1)
+    return found
 
 
-def _bare(line: str) -> str:
-    """Without a comment, and without tags before a value."""
-    for match in re.finditer(r""""(?:[^"\\]|\\.)*"|'[^']*'|(?:^|(?<=\s))#""", line):
-        if match[0] == "#":
-            line = line[: match.start()]
-            break
-    return re.sub(r"(^|(?<=[\s\[,]))!{1,2}[\w:.-]*(?=\s|$)", "", line).rstrip()
-
-
-class _Block:
-    """The lines of a text, and how far they are read."""
-
-    def __init__(self, lines: list[_Line], where: str) -> None:
-        self.lines, self.where, self.at = lines, where, 0
-
-    def value(self, outer: int, depth: int) -> Any:
-        """What is further in than ``outer``: a map, a list, or one value; "" for nothing."""
-        if self.at == len(self.lines) or self.lines[self.at].indent <= outer:
-            return ""
-        line = self.lines[self.at]
-        if depth > DEEPEST:
-            raise self._fault(line, f"at most {DEEPEST} levels")
-        if line.text == "-" or line.text.startswith("- "):
-            return self._list(line.indent, depth)
-        if _key_and_rest(line.text) is not None:
-            return self._map(line.indent, depth)
-        self.at += 1
-        return self._flow(line, line.text)
-
-    def _list(self, indent: int, depth: int) -> list[Any]:
-        found = []
-        while self.at < len(self.lines) and self.lines[self.at].indent == indent:
-            line = self.lines[self.at]
-            if not (line.text == "-" or line.text.startswith("- ")):
-                break  # the next key of the map that the list is a value of
-            rest = line.text[1:].lstrip()
-            if rest:  # what follows is a line of its own, further in
-                inner = indent + len(line.text) - len(rest)
-                self.lines[self.at] = _Line(line.number, inner, rest)
-            else:
-                self.at += 1
-            found.append(self.value(indent, depth + 1))
-        self._check_end(indent)
-        return found
-
-    def _map(self, indent: int, depth: int) -> Document:
-        found: Document = {}
-        while self.at < len(self.lines) and self.lines[self.at].indent == indent:
-            line = self.lines[self.at]
-            parts = _key_and_rest(line.text)
-            if parts is None:
-                raise self._fault(line, "'key: value'")
-            key, rest = parts
-            if key in found:
-                raise self._fault(line, f"{key} once")
-            self.at += 1
-            if rest:
-                found[key] = self._flow(line, rest)
-            else:
-                # a list may stand as far in as its key
-                here = self.at < len(self.lines) and self.lines[self.at]
-                same = here and here.indent == indent and re.match(r"-(\s|$)", here.text)
-                found[key] = self.value(indent - 1 if same else indent, depth + 1)
-        self._check_end(indent)
-        return found
-
-    def _check_end(self, indent: int) -> None:
-        if self.at < len(self.lines) and self.lines[self.at].indent > indent:
-            raise self._fault(self.lines[self.at], f"{indent} blanks before it")
-
-    def _flow(self, line: _Line, text: str) -> Any:
-        """A value in one line: a word, or lists and maps in brackets, which are nearly JSON."""
-        if text[0] not in "[{\"'":
-            return self._word(line, text)
-        words = _WORD.findall(text)
-        if "".join(words).replace(" ", "") != text.replace(" ", ""):
-            raise self._fault(line, "words, numbers and brackets")
-        written, depth = [""], 0
-        for word, after in zip(words, [*words[1:], ""], strict=True):
-            depth += (word in "[{") - (word in "]}")
-            if depth > DEEPEST:
-                raise self._fault(line, f"values in brackets, at most {DEEPEST} deep")
-            if word == "," and after in ("]", "}") and written[-1] not in "[{,:":
-                continue  # YAML's lists may end with a comma
-            if word not in "[]{},:":
-                value = _unquoted(word.strip()) if after == ":" else self._word(line, word.strip())
-                word = json.dumps(value)
-            written.append(word)
-        try:
-            return json.loads("".join(written))
-        except ValueError:
-            raise self._fault(line, "one value: [a, b, …] or {key: value, …}") from None
-
-    def _word(self, line: _Line, text: str) -> Any:
-        if text[0] in "&*|>@`":
-            raise self._fault(line, "a plain value: no anchors, aliases or blocks of text")
-        return _scalar(text)
-
-    def _fault(self, line: _Line, expected: str) -> InputError:
-        shown = line.text if len(line.text) <= 60 else line.text[:60] + "…"
-        return InputError(f"{self.where} line {line.number}; got {shown!r}; expected {expected}")
-
-
-def _key_and_rest(text: str) -> tuple[str, str] | None:
-    """``key: rest`` in its two parts; None for another text."""
-    quoted = _QUOTED_KEY.match(text)
-    if quoted:
-        return _unquoted(quoted[1]), text[quoted.end() :].strip()
-    colon = re.search(r":(?=\s|$)", text)
-    if colon is None or any(sign in text[: colon.start()] for sign in "\"'[{"):
-        return None
-    return text[: colon.start()].rstrip(), text[colon.end() :].strip()
-
-
-def _unquoted(word: str) -> str:
-    return word[1:-1] if len(word) > 1 and word[0] == word[-1] and word[0] in "\"'" else word
+def _line(where: str, mark: yaml.Mark) -> str:
+    return f"{where} line {mark.line + 1}"
 
 
 def _scalar(word: str) -> Any:
     if _NUMBER.fullmatch(word):
         return float(word)
     special = {".nan": "nan", ".inf": "inf", "+.inf": "inf", "-.inf": "-inf"}.get(word.lower())
-    return float(special) if special else _unquoted(word)
+    return float(special) if special else word
 
 
 def make(

@@ -7,8 +7,9 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from gpusim.scene.tables.table import Name, Pair, PositivePair, Vector
+from gpusim.scene.tables.table import Name, Pair, PositivePair, Vector, fault
 
+from .analysis.analysis_table import check_band
 from .correlation_measures import one_of_each
 from .measure_table import MeasureFault, MeasureTable
 from .video import has_frame_rate
@@ -73,25 +74,28 @@ class ModesTable(MeasureTable):
     @model_validator(mode="after")
     def _check(self) -> ModesTable:
         one_of_each(self, self.places)
+        check_band(self.band_Hz)
+        if self.identification == "fdd" and self.excitation == "release":
+            raise fault("excitation", 'with identification "fdd"', "release", '"ambient"')
         return self
 
     @classmethod
     def faults(
         cls, entry: Mapping[str, Any], document: Mapping[str, Any]
     ) -> Iterator[MeasureFault]:
-        """Frames are in time, and fast enough."""
+        """Frames are in time, as many and as fast as what is looked for needs."""
         analysis = document.get("analysis")
         known = analysis if isinstance(analysis, Mapping) else {}
-        rate, band = known.get("frame_rate_Hz"), entry.get("band_Hz")
-        numbers = [rate, *band] if isinstance(band, list) else []
+        rate, wanted = known.get("frame_rate_Hz"), "analysis.frame_rate_Hz"
         if rate is None:
-            wanted = "analysis.frame_rate_Hz"
             if not has_frame_rate(str(known.get("type", "static"))):
                 wanted = 'analysis.type = "transient": frames of others show phases, not instants'
             yield ("type",), "without a time between frames", "modes", wanted
-        elif len(numbers) == 3 and all(isinstance(one, int | float) for one in numbers):
-            if not numbers[1] < numbers[2] < 0.5 * rate:
-                wanted = f"low < high < {0.5 * rate:g}, half the frame rate"
-                yield ("band_Hz",), "out of range", band, wanted
+        band = entry.get("band_Hz")
+        if isinstance(band, list) and isinstance(rate, int | float):
+            fast = [one for one in band if isinstance(one, int | float) and one >= 0.5 * rate]
+            if fast:
+                wanted = f"below {0.5 * rate:g}, half of analysis.frame_rate_Hz"
+                yield ("band_Hz",), "faster than frames show", fast[-1], wanted
         if isinstance(subset := entry.get("subset_px"), int) and subset % 2 == 0:
             yield ("subset_px",), "even", subset, "an odd number"

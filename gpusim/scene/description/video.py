@@ -48,17 +48,25 @@ def has_frame_rate(analysis: str) -> bool:
     return analysis in TABLES and "frame_rate_Hz" in TABLES[analysis].model_fields
 
 
-def complete_from_video(document: dict[str, Any]) -> None:
-    """Put the frame rate and the exposure of [video] where tables don't say their own, in place."""
+def complete_from_video(document: dict[str, Any], earlier: Any = None) -> None:
+    """Put the frame rate and the exposure of [video] where tables don't say their own, in place.
+
+    ``earlier``: [video] before it was overridden; what tables have from there gives way.
+    """
     video = document.get("video")
     if not isinstance(video, dict):
         return
+    earlier = earlier if isinstance(earlier, dict) else {}
     rate, exposure = video.get("frame_rate_Hz"), video.get("exposure_us")
     analysis = document.setdefault("analysis", {})
     if rate is not None and isinstance(analysis, dict):
         kind = analysis.get("type", "static")
         if isinstance(kind, str) and has_frame_rate(kind):
-            analysis.setdefault("frame_rate_Hz", rate)
+            own = analysis.setdefault("frame_rate_Hz", rate)
+            analysis["frame_rate_Hz"] = rate if own == earlier.get("frame_rate_Hz") else own
     if isinstance(exposure, int | float):
+        before, exposed = earlier.get("exposure_us"), {"exposure_ms": 1e-3 * exposure}
         for _, camera in tables_of(document, "camera"):
-            camera.setdefault("shutter", {"exposure_ms": 1e-3 * exposure})
+            shutter = camera.setdefault("shutter", dict(exposed))
+            if isinstance(before, int | float) and isinstance(shutter, dict):
+                shutter |= exposed if shutter.get("exposure_ms") == 1e-3 * before else {}

@@ -73,6 +73,14 @@ def test_free_decay() -> None:
     assert mac(noisy.shapes[:, :, 0], SHAPES).diagonal().min() > 0.99
 
 
+def test_what_is_not_damped() -> None:
+    modal = free_decay(ANGULAR, 0.0 * DAMPING, np.arange(700) / RATE, np.array([1.0, 0.3, 0.1]))
+    for noise in (0.0, 0.02):
+        modes = identify_modes(series(modal, noise), excitation="release")
+        np.testing.assert_allclose(modes.frequency_Hz, HERTZ, rtol=1e-3)
+        assert np.abs(modes.damping).max() < 1e-3
+
+
 def test_points_that_were_lost_are_left_out() -> None:
     whole = long_record()
     values = whole.displacement.copy()
@@ -92,20 +100,27 @@ def test_mac() -> None:
 def test_wrong_arguments() -> None:
     good = long_record()
     short = PointSeries.of(good.times[:50], good.points, good.displacement[:50])
-    forced = series(2 * np.cos(0.3 * np.arange(150))[:, None] * np.ones(3), 0.0)
     still = PointSeries.of(good.times[:99], good.points, np.ones((99, 3, 2)))
     lost = PointSeries.of(good.times[:99], good.points, np.full((99, 3, 2), np.nan))
+    decay = series(free_decay(ANGULAR, DAMPING, good.times[:700], np.array([1.0, 0, 0])), 0.0)
+    noise = PointSeries.of(
+        good.times[:1920], good.points, np.random.default_rng(1).normal(size=(1920, 3, 2))
+    )
     for wrong, options, message in (
         (short, {}, "at least 64"),
         (still, {}, "don't move"),
-        (forced, {}, "no mode between 0 and 45 Hz"),
         (lost, {}, "no point found"),
         (good, {"band_Hz": (10, 70)}, "half the rate"),
         (good, {"band_Hz": (9, 3)}, "band_Hz"),
         (good, {"method": "fdd", "excitation": "release"}, "excitation"),
         (good, {"modes": 0}, "modes"),
+        (decay, {"band_Hz": (20, 30), "modes": 1}, "no mode between 20 and 30 Hz"),
+        (decay, {"method": "fdd"}, 'at least 1920 for method "fdd"'),
+        (noise, {"method": "fdd"}, "no mode between"),
     ):
         with pytest.raises(gs.InputError, match=message):
             identify_modes(wrong, **options)
     with pytest.raises(gs.InputError, match="displacement: wrong shape"):
         PointSeries.of(good.times, good.points[:2], good.displacement)
+    with pytest.raises(gs.InputError, match="times: wrong shape"):
+        PointSeries.of(0.5, good.points, good.displacement)

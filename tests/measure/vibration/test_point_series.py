@@ -97,6 +97,18 @@ def test_points_that_get_lost_say_why_and_come_back() -> None:
     assert lost[:, 2].all() and series.ok.tolist() == [False, False, False, True]
 
 
+@pytest.mark.parametrize("method", ["lucas-kanade", "gradient", "phase"])
+def test_nothing_is_found_where_nothing_shows(method: str) -> None:
+    """In a picture that was taken in the dark, or beyond what the sensor counts."""
+    reference, frames = film(0.1)
+    for grey in (0.0, 255.0):
+        dark = [frames[0], np.full_like(reference, grey), frames[2]]
+        series = point_series(dark, POINTS, method=method, reference=reference)
+        assert np.isnan(series.displacement[1]).all() and not series.ok.any()
+        found = np.isfinite(series.displacement[[0, 2]]).all(axis=(0, 2))
+        assert found.sum() >= 0.5 * len(POINTS)
+
+
 def test_wrong_arguments() -> None:
     frames = np.zeros((3, 40, 50))
     for wrong, message in (

@@ -236,7 +236,8 @@ CUT = ("%YAML 1.2\n---\ncameras:\n   -\n      name: a\n      image_width: 160\n 
          r"cameras\[0\]: R.data; got nothing; expected 9 numbers"),
         ("cut.yml", CUT + "      T: [0, 0, 1]\n      R: [0, 0, 0]\n   -\n      name: b\n      "
          "K: [[9, 0, 1], [0, 9, 1], [0, 0, 1]]\n", r"cameras\[1\]: R; got nothing; expected it,"),
-        ("cut.yml", CUT[:-30], "line 12; got a bracket that isn't closed"),
+        ("cut.yml", CUT[:-30], "expected node content at line 13, column 1; expected well-form"),
+        ("cut.yml", CUT[:-40] + "\nR: 1", r"sequence at line 12, .* ',' or '\]' at line 13"),
         ("a.yml", CUT.replace("rows: 3", "rows: 100000"), "camera_matrix.rows; got 100000"),
         ("a.yml", CUT.replace("cols: 3", "cols: 4"), "got 9 numbers; expected 12, as rows x cols"),
         ("a.yml", CUT.replace("cols: 3", "cols: many"), "camera_matrix.cols; got 'many'"),
@@ -244,7 +245,14 @@ CUT = ("%YAML 1.2\n---\ncameras:\n   -\n      name: a\n      image_width: 160\n 
         ("a.json", '{"camera_matrix": [[1, 0, 3], [0, 1]]}', "camera_matrix; got rows of differ"),
         ("a.json", '{"camera_matrix": ' + "[" * 100_000, "expected well-formed JSON"),
         ("a.json", '{"camera_matrix": ' + "9" * 5000 + "}", "camera_matrix; got"),
-        ("a.yml", "camera_matrix: " + "[" * 5000 + "]" * 5000, "at most 20 deep"),
+        ("a.yml", "camera_matrix: " + "[" * 5000 + "]" * 5000, "exceeded maximum nesting depth"),
+        ("a.yml", "camera_matrix: " + "[" * 50 + "]" * 50, "line 1; got 21 levels; expected at"),
+        ("a.yml", "K: {rows: 3, rows: 4}", "line 1; got 'rows' again; expected it once"),
+        ("a.yml", "roi: {x_offset:3}", "got x_offset:3; expected 'key: value', with the blank"),
+        ("a.yml", "K: 1\n? [1]\n: 2", "line 2; got no word; expected 'key: value'"),
+        ("a.yml", "K: 1\n--- {D: 2}", "line 2; got a second document; expected one"),
+        ("a.yml", "K: \x01", "got an error: .* control characters .* position 3; expected well"),
+        ("a.yml", "%TAG !a! b:\r" * 100_000 + "K: 1", r"camera_matrix; got shape \(1,\)"),
         ("a.yml", "camera_matrix: [" + "1, " * 200_000 + "1]", "expected a small matrix"),
         ("a.yml", "\n".join(" " * k + f"a{k}:" for k in range(300)), "at most 20 levels"),
         ("a.xml", "<?xml version='1.0'?><!DOCTYPE z [<!ENTITY a 'b'>]><opencv_storage>&a;"
@@ -266,21 +274,27 @@ def test_damaged_files_name_what_is_wrong(tmp_path: Path, name: str, text: str, 
 def test_documents() -> None:
     text = (
         'a: "x: y # z"\nb: it\'s # no\nurl: http://a:80\nc:\n- 1\n-\n  d: .inf\n  e: [{f: -1e3}]\n'
+        "...\n---\nappended: !!opencv-matrix\n  data: [ 1., .5, +2.e-1,\n010, ]\n---\n"
     )
     assert read_document(text, "f") == {
         "a": "x: y # z", "b": "it's", "url": "http://a:80",
         "c": [1.0, {"d": np.inf, "e": [{"f": -1000.0}]}],
+        "appended": {"data": [1.0, 0.5, 0.2, 10.0]},
     }  # fmt: skip
-    for bad in (
-        "a: 1\na: 2\n",
-        "a: 1\n   b: 2\n",
-        "a: [1, 2}\n",
-        "a: [1 2: 3]\n",
-        "- 1\n",
-        "a: |\n",
-    ):
+    words = ["yes", "off", "1:30", "0x10", "0o10", "1_000", "2026-11-28", "~", "<<", "nan", "1 2"]
+    text = "all:\n" + "".join(f"- !!int {word}\n" for word in words)
+    assert read_document(text, "f") == {"all": words}
+    for bad in ("a: 1\na: 2\n", "a: 1\n   b: 2\n", "a: [1, 2}\n", "- 1\n", "a\n", "# a: 1\n", ""):
         with pytest.raises(InputError):
             read_document(bad, "f")
+
+
+@pytest.mark.parametrize("suffix", ["yml", "xml", "json"])
+def test_names_with_signs_are_read_as_they_were_written(tmp_path: Path, suffix: str) -> None:
+    names = ["it's", 'a "b" c', "a\\b'", "no", "1:30", "010", "Käse", "# [x: y]"]
+    cameras = [gs.Camera(640, 480, np.array(ROS_K), name=name) for name in names]
+    gs.write_calibration(tmp_path / f"rig.{suffix}", cameras, "opencv")
+    assert [camera.name for camera in gs.read_calibration(tmp_path / f"rig.{suffix}")] == names
 
 
 @pytest.mark.parametrize("count", [4, 5, 8, 12, 14])

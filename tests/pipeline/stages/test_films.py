@@ -71,6 +71,16 @@ def test_one_rate_and_one_exposure_for_all() -> None:
     shutters = [camera.shutter for camera in scene.cameras]
     assert [one and one.exposure for one in shutters] == [5e-4, 2e-3]
     assert Scene.from_document(tomllib.loads(scene.to_toml())) == scene
+    assert [one.shutter for one in scene.with_effects(no="motion").cameras] == [None, None]
+    fast = {"video.exposure_us": 100.0, "video.frame_rate_Hz": 400.0}
+    for other in (
+        small_scene(**{**scene.document, "variant": [{"name": "fast", "set": fast}]}).variant(
+            "fast"
+        ),
+        Scene.from_document(scene.document, overrides=fast),
+    ):
+        assert other.analysis.frame_rate == 400.0
+        assert [one.shutter and one.shutter.exposure for one in other.cameras] == [1e-4, 2e-3]
     body = [{**DOCUMENT["body"][0], "load": []}]
     modal = {"type": "modal", "count": 1, "phases": 2}
     shapes = small_scene(analysis=modal, body=body, video={"frame_rate_Hz": 25.0}, **LEAN)

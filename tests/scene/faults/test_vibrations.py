@@ -125,8 +125,7 @@ def test_a_shutter_before_what_does_not_move() -> None:
          "frames; expected at most 10000"),
         ({**MODAL, "phases": 2000}, "analysis.phases: too many frames; got 20001 frames"),
         ({**TRANSIENT, "frame_rate_Hz": 10.0},
-         "analysis.duration_s: too few frames to measure in; got 1 "
-         "frame"),
+         "analysis.duration_s: over before a second frame; got 0.01; expected at least 0.1,"),
         ({**TRANSIENT, "base_motion": {"file": "no.csv", "direction": [1.0, 0.0, 0.0]}},
          "analysis.base_motion.file: "),
     ],

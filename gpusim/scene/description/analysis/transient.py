@@ -108,6 +108,9 @@ class TransientTable(AnalysisTable):
     def _check(self) -> TransientTable:
         count, method = 1.0 + self.duration_s * self.frame_rate_Hz, f'of method "{self.method}"'
         check_frame_count(count, "duration_s", "less time or a lower frame_rate_Hz")
+        if len(self.frame_values) < 2:
+            wanted = f"at least {1.0 / self.frame_rate_Hz:g}, from one frame to the next"
+            raise fault("duration_s", "over before a second frame", self.duration_s, wanted)
         if self.method == "modal":
             wanted = 'a method that steps, as "newmark"'
             if self.step_s is not None:

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 import gpusim as gs
-from gpusim.errors import SceneError
+from gpusim.errors import InputError, SceneError
 from gpusim.pipeline.measurements.modes.result import ModesResult
+from gpusim.pipeline.measurements.results import PointTable
 from gpusim.plan.scene_stages import scene_stages
 from gpusim.plan.stages import RunOptions
 from gpusim.scene import Scene
@@ -54,6 +55,24 @@ def test_a_bar_that_is_let_go(tmp_path: Path) -> None:
     assert np.abs(result.shapes - result.true_shapes).max() < 0.02
     rows = (tmp_path / "measure/modes-series.csv").read_text().splitlines()
     assert len(rows) == 66 and rows[0].startswith("time_s,p1_x_px,p1_y_px")
+    with pytest.raises(InputError, match="measure 'modes': identify_modes: no mode between 200"):
+        gs.run(film(band_Hz=[200.0, 300.0]), tmp_path, backend="numpy")
+
+
+def test_modes_without_a_true_one_stand_alone(tmp_path: Path) -> None:
+    columns = dict.fromkeys(
+        ["measured_frequency_Hz", "measured_damping", "true_frequency_Hz", "true_damping", "mac"],
+        np.array([np.nan]),
+    )
+    columns |= {"measured_frequency_Hz": np.array([143.0]), "measured_damping": np.array([0.0])}
+    shapes, table = np.ones((1, 2, 2)), PointTable.of("mode", ("mode 1",), {63: columns})
+    result = ModesResult("modes", table, "side", shapes[0], shapes, np.nan * shapes, np.zeros(1),
+                         shapes, 0, 1)  # fmt: skip
+    told = result.report(film(), tmp_path).measurements
+    assert [(one.name, one.verdict) for one in told] == [
+        ("modes: mode 1, frequency", "unknown"), ("modes: mode 1, damping", "unknown")
+    ]  # fmt: skip
+    assert result.warnings == ["measure 'modes': mode 1 is like none of the body's modes"]
 
 
 @pytest.mark.parametrize(
@@ -61,10 +80,12 @@ def test_a_bar_that_is_let_go(tmp_path: Path) -> None:
     [
         ({"type": "static", "load_factors": [0.0] * 70}, {}, "without a time between frames"),
         ({"type": "modal", "count": 1, "phases": 70}, {}, 'expected analysis.type = "transient"'),
-        (FILM, {"band_Hz": [100.0, 600.0]}, "band_Hz: out of range.*half the frame rate"),
         (FILM, {"band_Hz": [100.0, "x"]}, "band_Hz"),
         (FILM, {"end_mm": None}, r"end_px: where it is; got neither"),
         (FILM, {"subset_px": 8}, r"subset_px: even; got 8; expected an odd number"),
+        (FILM, {"identification": "fdd"}, r'excitation: with identification "fdd"; got "?release'),
+        (FILM, {"band_Hz": [90.0, 50.0]}, r"band_Hz: no band"),
+        (FILM, {"band_Hz": [50.0, 500.0]}, r"band_Hz: faster than frames show; got 500.0; .* 500,"),
         ({**FILM, "duration_s": 0.02}, {}, "got 21 frames; expected 64 or more"),
     ],
 )
