@@ -152,6 +152,7 @@ def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iter
     )
     if output.truth and scene.cameras:
         yield from _truth(build, motions)
+    yield from _films(build)  # which are there even where nothing can be measured in them
     for spec in scene.measures:
         yield from _measured(build, spec, whole, table)
     stresses = output.stress and "solve" in moving
@@ -172,7 +173,6 @@ def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iter
         yield build.stage("calibration files", "camera_files:calibrations",
                           ["camera", "output.calibration"], public="export", keeps=True,
                           early=True)  # fmt: skip
-    yield from _films(build)
     if output.vtu or output.stl:
         needs = whole | ({"stress": first} if stresses else {})
         sections = ["output.meshes", "body.*.name", "analysis"]

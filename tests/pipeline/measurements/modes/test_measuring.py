@@ -13,6 +13,8 @@ import gpusim as gs
 from gpusim.errors import InputError, SceneError
 from gpusim.pipeline.measurements.modes.result import ModesResult
 from gpusim.pipeline.measurements.results import PointTable
+from gpusim.plan.scene_stages import scene_stages
+from gpusim.plan.stages import RunOptions
 from gpusim.scene import Scene
 from gpusim.scene.cost import describe
 from tests.support.small_scene import DOCUMENT, small_scene
@@ -90,3 +92,10 @@ def test_modes_without_a_true_one_stand_alone(tmp_path: Path) -> None:
 def test_what_is_not_enough(analysis: Any, keys: dict[str, Any], text: str) -> None:
     with pytest.raises(SceneError, match=text):
         film(analysis, **keys)
+
+
+def test_films_come_before_measures() -> None:
+    """So that a film is there even where no mode is found in it."""
+    scene = small_scene(**{**film().document, "video": {}})
+    names = [one.name for one in scene_stages(scene, RunOptions("numpy")).stages]
+    assert names.index("film/side") < names.index("measure/modes")
