@@ -133,7 +133,7 @@ def test_a_scene_solves_or_is_given_its_displacements(checkout: Path) -> None:
         (strip, {"body.strip.field.file": "strip.txt"}, "unknown kind of result file"),
         (strip, {"body.strip.field.file": "gone.frd"}, "not found"),
         (bar, {"analysis": {"type": "field", "times": [0.0, 1.0]}}, "field.*missing"),
-        (bar, {"analysis": {"times": [0.0]}}, 'times.*of an analysis of type "static"'),
+        (bar, {"analysis": {"times": [0.0]}}, 'times: unknown key.*a key of "field"'),
     ):  # fmt: skip
         with pytest.raises(SceneError, match=match):
             gs.load_scene(path, changes)
