@@ -29,6 +29,7 @@ from gpusim.export.frame_writers import (
 )  # fmt: skip
 from gpusim.files.atomic_files import PathLike
 from gpusim.files.frame_source import FrameSource, read_video
+from gpusim.files.output_folder import delete
 from gpusim.files.recording import Image, times_file, write_times
 from gpusim.validation import Finite, Positive, checked, real_numbers, unmasked
 
@@ -132,14 +133,15 @@ class VideoSink:
                 raise InputError(f"video: {self.path}: got no frame; expected at least one")
             self._writer.finish(self._times)
         place = self._writer.place
-        times_file(place).unlink(missing_ok=True)  # that of the film which was there
+        times = times_file(place)
+        delete(times.parent, times.name)  # those of the film which was there
         write_times(place, self._times, self.line_time)
         stored = map(_hash, read_video(place)) if self._hashes else ()
         for number, (back, given) in enumerate(zip_longest(stored, self._hashes)):
             if back != given:
                 if place.is_file():
-                    times_file(place).unlink()
-                    place.unlink()
+                    delete(times.parent, times.name)
+                    delete(place.parent, place.name)
                 raise GpusimError(f"video: {self.path}: frame {number} isn't as it was given")
 
     def __enter__(self) -> Self:
