@@ -18,7 +18,9 @@ from pathlib import Path
 from typing import Any
 
 from gpusim._version import __version__
+from gpusim.errors import InputError
 from gpusim.files.atomic_files import write_text
+from gpusim.files.input_file import read_input
 from gpusim.parallel import processes
 from gpusim.report.model import Drawing, Figure
 
@@ -33,8 +35,8 @@ class FigureStore:
         self._folder = folder
         self._earlier: dict[str, Any] = {}
         self._figures: dict[str, Callable[[], Figure]] = {}
-        with suppress(OSError, ValueError):
-            known = json.loads((folder / KEYS).read_text(encoding="utf-8"))
+        with suppress(InputError, ValueError, RecursionError):
+            known = json.loads(read_input(folder / KEYS, "a list of figures").data)
             self._earlier = known if isinstance(known, dict) else {}
 
     def begin(self, drawing: Drawing) -> Callable[[], Figure]:
@@ -56,10 +58,10 @@ class FigureStore:
 
     def _found(self, key: str) -> Callable[[], Figure] | None:
         """A figure of an earlier report, if nobody has changed its file."""
-        with suppress(KeyError, TypeError, OSError):
+        with suppress(KeyError, TypeError, InputError):
             said = dict(self._earlier[key])
             path = self._folder / Path(said.pop("file")).name
-            if said.pop("sha256") == _hash(path.read_bytes()):
+            if said.pop("sha256") == _hash(read_input(path, "a figure").data):
                 figure = Figure(path, **said)
                 return lambda: figure
         return None
