@@ -17,6 +17,7 @@ from gpusim.applications.correlation_output import (
     Progress,
     ResultWriter,
     described,
+    silent,
 )
 from gpusim.arrays.array_types import Bool
 from gpusim.choices import StrainKind, SurfaceStrain
@@ -49,17 +50,13 @@ STRAINS = (*get_args(StrainKind), "none")
 SURFACE_STRAINS = (*get_args(SurfaceStrain), "none")
 
 
-def _silent(stage: str, done: float, text: str) -> None:
-    """Show no progress."""
-
-
 def correlate_files(
     reference: PathLike | npt.NDArray[Any],
     deformed: Frames | FrameSource,
     output: PathLike,
     settings: CorrelationSettings = USUAL,
     *,
-    progress: Progress = _silent,
+    progress: Progress = silent,
     keep_results: bool = True,
 ) -> CorrelationOutput:
     """Measure how pictures moved against the first one; write tables, maps and ``report.html``.
@@ -124,7 +121,7 @@ def correlate_pairs(
     output: PathLike,
     settings: CorrelationSettings = USUAL,
     *,
-    progress: Progress = _silent,
+    progress: Progress = silent,
 ) -> CorrelationOutput:
     """Measure a surface in space from pairs of pictures, the reference pair first; lengths are mm.
 

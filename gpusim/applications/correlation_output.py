@@ -38,6 +38,10 @@ MISSING = {
 }
 
 
+def silent(stage: str, done: float, text: str) -> None:
+    """Show no progress."""
+
+
 @checked
 @dataclass(frozen=True)
 class CorrelationSettings:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gpusim._version import __version__
-from gpusim.applications.correlation_output import Progress
+from gpusim.applications.correlation_output import Progress, silent
 from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
@@ -94,10 +94,6 @@ class IdentificationOutput:
 
 
 USUAL = IdentificationSettings()
-
-
-def silent(stage: str, done: float, text: str) -> None:
-    """Show no progress."""
 
 
 def timed(frames: Frames | FrameSource, rate_Hz: float | None) -> FrameSource:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gpusim.applications.correlation_output import Progress
-from gpusim.applications.identification import silent, timed
+from gpusim.applications.correlation_output import Progress, silent
+from gpusim.applications.identification import timed
 from gpusim.errors import require
 from gpusim.export.video import WRITERS, VideoSink
 from gpusim.files.atomic_files import PathLike

@@ -70,10 +70,8 @@ def measure_modes(
 
 def _points(spec: m.ModesTable, picture: ReferencePicture) -> Float:
     """(P, 2), whole px, of places on surfaces. Raises InputError."""
-    line = np.linspace(picture.pixels("start"), picture.pixels("end"), spec.count)
-    digits = len(str(spec.count))
-    names = [f"p{k:0{digits}d}" for k in range(1, spec.count + 1)]
-    return picture.placed(dict(zip(names, line[:, None], strict=True))).pixels
+    line = picture.line(spec.count)
+    return picture.placed({name: point[None] for name, point in line.items()}).pixels
 
 
 def _paired(found: OperationalModes, true: TrueModes) -> tuple[Long, Float]:

@@ -33,13 +33,14 @@ def true_modes(motion: TrueMotion, camera: str, points: MaterialPoints) -> TrueM
         return TrueModes(np.zeros(0), np.zeros(0), np.zeros((0, len(points), 2)))
     frequency, damping = of_body.natural
     parts, surfaces = motion.objects.bodies[number], list(motion.surfaces(None))
-    lens, place = motion.camera(camera), motion.position(points, 0)
+    lens, rest = motion.camera(camera), motion.position(points, None)
+    place = motion.position(points, 0)
     depth = float(np.median(lens.to_camera(place)[:, 2]))
     shapes = np.zeros((len(frequency), len(points), 2))
     for k, shape in enumerate(of_body.shapes[: len(frequency)]):
         step = STEP_PX * depth / lens.K[0, 0] / np.linalg.norm(shape, axis=1).max()
         surfaces[number] = parts.skin.moved(parts.surface, step * shape)
         vertices = np.concatenate([one.points for one in surfaces])
-        moved = points.at(vertices) - motion.position(points, None)
+        moved = points.at(vertices) - rest
         shapes[k] = (lens.project(place + moved) - lens.project(place - moved)) / (2.0 * step)
     return TrueModes(frequency, damping, shapes)

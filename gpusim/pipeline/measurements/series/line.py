@@ -21,9 +21,7 @@ def _points(spec: m.LineMeasureTable, picture: ReferencePicture) -> dict[str, Fl
     half = 0 if spec.strain == "none" else spec.strain_window // 2
     steps = np.array(sorted(range(-half, half + 1), key=abs))
     square = spec.step_px * np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    points = np.linspace(picture.pixels("start"), picture.pixels("end"), spec.count)
-    digits = len(str(spec.count))
-    return {f"p{k:0{digits}d}": point + square for k, point in enumerate(points, 1)}
+    return {name: point + square for name, point in picture.line(spec.count).items()}
 
 
 def _strains(spec: m.LineMeasureTable, sample: Sample) -> Columns:

@@ -68,6 +68,12 @@ class ReferencePicture:
             )  # fmt: skip
         return motion.pixels(material, name, 0).reshape(seen.shape)
 
+    def line(self, count: int) -> dict[str, Float]:
+        """(2,) px of so many points from ``start`` to ``end``, by their names."""
+        points = np.linspace(self.pixels("start"), self.pixels("end"), count)
+        digits = len(str(count))
+        return {f"p{k:0{digits}d}": point for k, point in enumerate(points, 1)}
+
     def size(self, key: str, at: Float) -> Float:
         """(2,) px of a width and a height that are given in px, or in mm on the surface ``at``.
         Raises InputError if nothing is seen there."""
