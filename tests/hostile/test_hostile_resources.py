@@ -209,7 +209,7 @@ def test_two_runs_at_once(first: Path, tmp_path: Path) -> None:
         codes = {name: run.end() for name, run in runs.items()}
         for name, run in runs.items():
             assert wrong(codes[name], run.said) == "", number
-            assert codes[name] == 0 or "in use by process" in run.said, run.said
+            assert codes[name] == 0 or "is in use by" in run.said, run.said
         good = [name for name in order if codes[name] == 0]
         assert good, number
         made = results(out)
