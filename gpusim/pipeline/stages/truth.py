@@ -106,7 +106,7 @@ def _write_frames(
             spec.name: sight(objects, spec, frames, number, session) for spec in scene.cameras
         }  # fmt: skip
         for spec in scene.cameras:
-            late = {} if spec.trigger is None else {"late": spec.late(number)}
+            late = {} if spec.trigger is None else {"late_s": spec.late(number)}
             frame = file.frame(spec.name, number, **{word: factor}, **late)
             seen, window = now[spec.name]
             others = [other for other, _ in now.values()]
