@@ -234,9 +234,21 @@ def _moments(
     middle = time + 0.5 * shutter.exposure_time
     sharp = camera_at(middle)
     require(isinstance(sharp, Camera), "photograph camera", repr(sharp), "a Camera")
-    chosen, moves = (np.full(1, 0.5), np.ones(1)), callable(surfaces) or callable(camera)
+    moves, travel, chosen = callable(surfaces) or callable(camera), 0.0, moments(Shutter(), 0.0)
     if moves:
-        chosen = _moving(surfaces_at, camera_at, shutter, time, notes)
+        if shutter.exposure_time:
+            travel = motion(surfaces_at, camera_at, time, shutter.exposure_time)
+        chosen = shares, _ = moments(shutter, travel)
+        notes.facts["motion"] = f"{travel:.3g} px during the exposure, {len(shares)} moments"
+        wanted = moments_for(travel)
+        if shutter.samples is None and len(shares) < wanted and shutter.exposure_time:
+            remedy = f"{wanted} samples of the shutter" if wanted <= 4096 else "a shorter exposure"
+            notes.warnings.append(
+                f"motion of {travel:.4g} px in {len(shares)} moments: edges may go in steps of up "
+                f"to {travel * np.diff(shares).max():.2g} px; {remedy} would show none"
+            )
+        if shutter.line_time:
+            notes.facts["shutter"] = f"rolling, {shutter.line_time * 1e6:.4g} us a row"
 
     @cache
     def moment(share: float) -> tuple[Sequence[Surface], Camera]:
@@ -251,27 +263,6 @@ def _moments(
         whose = "each row's" if shutter.line_time else "the"
         notes.facts["flicker"] = f"mean light of {whose} exposure, {len(parts)} renderings"
     return parts, moment(0.5)
-
-
-def _moving(
-    surfaces: SurfacesAt, camera: CameraAt, shutter: Shutter, time: float, notes: _Notes
-) -> tuple[Float, Float]:
-    """Shares of the exposure at which what moves is rendered, and weights."""
-    travel = 0.0
-    if shutter.exposure_time:
-        travel = motion(surfaces, camera, time, shutter.exposure_time)
-    shares, weights = moments(shutter, travel)
-    notes.facts["motion"] = f"{travel:.3g} px during the exposure, {len(shares)} moments"
-    wanted = moments_for(travel)
-    if shutter.samples is None and len(shares) < wanted and shutter.exposure_time:
-        remedy = f"{wanted} samples of the shutter" if wanted <= 4096 else "a shorter exposure"
-        notes.warnings.append(
-            f"motion of {travel:.4g} px in {len(shares)} moments: edges may go in steps of up to "
-            f"{travel * np.diff(shares).max():.2g} px; {remedy} would show none"
-        )
-    if shutter.line_time:
-        notes.facts["shutter"] = f"rolling, {shutter.line_time * 1e6:.4g} us a row"
-    return shares, weights
 
 
 def _depth_of_field(lens: Lens, focus: Focus, tolerance: float, notes: _Notes) -> Psf | None:

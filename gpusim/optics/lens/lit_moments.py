@@ -57,9 +57,10 @@ def lit_moments(
     (shares, weights), length = moments, shutter.exposure_time
     edges = np.append(0.0, np.cumsum(weights))
     if not rolls:
-        rows = rows[:1]
-        cuts = [kind.switches(rows[0], rows[0] + length) - rows[0] for kind in kinds if kind]
-        if len(shares) > 1 and 0 < sum(map(len, cuts)) <= 2 * len(shares):
+        rows, few = rows[:1], len(shares)
+        slow = [kind for kind in kinds if kind and few > 1 and kind.frequency * length <= few]
+        cuts = [kind.switches(rows[0], rows[0] + length) - rows[0] for kind in slow]
+        if any(map(len, cuts)):
             edges = np.union1d(edges, np.concatenate(cuts) / length)
             shares, weights = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
     ends = rows + length * edges[:, None]

@@ -49,15 +49,16 @@ class Flicker:
         periods = self.frequency * (np.asarray(stop) - start)
         if self.duty is None:
             middle = np.cos(2.0 * np.pi * (first + 0.5 * periods))
-            return np.asarray(1.0 + self.modulation * np.sinc(periods) * middle)
-        first = first - np.floor(first)
-        lit = self._lit(first + periods) - self._lit(first)
-        long = periods > 0.0
-        share = np.where(long, lit / np.where(long, periods, 1.0), first < self.duty)
-        return np.asarray(share / self.duty)
+            factor = 1.0 + self.modulation * np.sinc(periods) * middle
+        else:
+            first, long = first - np.floor(first), periods > 0.0
+            lit = self._lit(first + periods, self.duty) - self._lit(first, self.duty)
+            share = np.where(long, lit / np.where(long, periods, 1.0), first < self.duty)
+            factor = share / self.duty
+        return np.asarray(np.maximum(factor, 0.0))  # where it was rounded
 
     def switches(self, start: float, stop: float) -> Float:
-        """Instants (s) in between at which the light is switched."""
+        """Instants (s) in between at which the light is switched on or off."""
         if self.duty is None:
             return np.zeros(0)
         first, last = self._periods(np.array([start, stop]))
@@ -74,8 +75,8 @@ class Flicker:
         """Periods (turns) that have passed at a time."""
         return self.frequency * np.asarray(time) + self.phase / (2.0 * np.pi)
 
-    def _lit(self, periods: Float) -> Float:
+    @staticmethod
+    def _lit(periods: Float, duty: float) -> Any:
         """In how many of so many periods, whole ones or not, it was lit."""
-        assert self.duty is not None
         whole = np.floor(periods)
-        return np.asarray(whole * self.duty + np.minimum(periods - whole, self.duty))
+        return whole * duty + np.minimum(periods - whole, duty)
