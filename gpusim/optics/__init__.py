@@ -30,6 +30,7 @@ from gpusim.optics.lens.shutter import Shutter as Shutter
 from gpusim.optics.lens.thin_lens import Lens as Lens
 from gpusim.optics.lens.thin_lens import Vignetting as Vignetting
 from gpusim.optics.light.blackbody import blackbody as blackbody
+from gpusim.optics.light.flicker import Flicker as Flicker
 from gpusim.optics.light.lights import AmbientLight as AmbientLight
 from gpusim.optics.light.lights import AreaLight as AreaLight
 from gpusim.optics.light.lights import EnvironmentLight as EnvironmentLight

@@ -49,6 +49,7 @@ def describe(scene: Scene, made: Counts | None = None) -> dict[str, str]:
     lights = len(scene.lights)
     lit = f"{lights} light{'s' if lights > 1 else ''}" if lights else "no light: albedo"
     casting = sum(getattr(light, "shadows", False) for light in scene.lights)
+    lit += ", flickering" if any(light.flicker for light in scene.lights) else ""
     lit += f", shadows of {casting}" if casting else ", no shadows" if lights else ""
     if any(getattr(light, "occlusion", False) for light in scene.lights):
         lit += ", surroundings hidden by surfaces"
@@ -73,8 +74,8 @@ def effects(scene: Scene, camera: CameraTable) -> str:
     """What lens, shutter and sensor do to a camera's images, in words."""
     words = [] if camera.lens is None else camera.lens.words()
     words = words or ["pinhole"]
-    if camera.shutter is not None:
-        words += camera.shutter.words()
+    words += [] if camera.shutter is None else camera.shutter.words()
+    words += [] if camera.trigger is None else ["triggered late"]
     return ", ".join([*words, *scene.sensor_of(camera.name).words(), *camera.color_words()])
 
 

@@ -106,7 +106,8 @@ def _write_frames(
             spec.name: sight(objects, spec, frames, number, session) for spec in scene.cameras
         }  # fmt: skip
         for spec in scene.cameras:
-            frame = file.frame(spec.name, number, **{word: factor})
+            late = {} if spec.trigger is None else {"late_s": spec.late(number)}
+            frame = file.frame(spec.name, number, **{word: factor}, **late)
             seen, window = now[spec.name]
             others = [other for other, _ in now.values()]
             before = rest[spec.name][0] if moved else None
@@ -133,12 +134,16 @@ def sight(
     scene = objects.scene
     viewer, shutter = build_camera(spec, scene.input), build_shutter(spec)
     rate = scene.analysis.frame_rate
-    if frame is not None and shutter is not None and shutter.line_time:
+    late = 0.0 if frame is None else spec.late(frame)
+    rolls = shutter is not None and shutter.line_time
+    if frame is not None and (rolls or late):
         near = frames.near(frame, wide=rate is not None)
         now = objects.around(near, frame, (near[-1] - near[0]) / (rate or 1.0))
         if now is not None:
-            middle = opening(shutter, viewer) + 0.5 * shutter.exposure_time
-            surfaces, viewer = rolled(now, lambda _: viewer, middle, shutter.line_time)
+            surfaces = now(late)
+            if shutter is not None and rolls:
+                middle = opening(shutter, viewer) + 0.5 * shutter.exposure_time + late
+                surfaces, viewer = rolled(now, lambda _: viewer, middle, shutter.line_time)
             return (Frame(local_view(surfaces, viewer, lit=True), session.device),
                     whole_window(viewer))  # fmt: skip
     shown = objects.surfaces(frame)

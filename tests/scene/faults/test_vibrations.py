@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
@@ -133,3 +134,34 @@ def test_a_shutter_before_what_does_not_move() -> None:
 def test_keys_of_the_analysis(analysis: dict[str, Any], line: str) -> None:
     load = [] if analysis["type"] == "modal" else [PUSH]
     assert line in told(analysis=analysis, body=body(load=load))
+
+
+def test_what_is_only_known_in_time() -> None:
+    """Light flickers in frames that have a time, a camera is late for what moves between them."""
+    lamp = {"name": "lamp", "type": "ambient", "radiance_W_m2_sr": 1.0}
+    mains = [{**lamp, "flicker": {"mains_Hz": 50.0, "modulation": 0.3}}]
+    late = [{**DOCUMENT["camera"][0], "trigger": {"delay_us": 10.0}}]
+    modal = {"type": "modal", "count": 1, "phases": 2}
+    still = {"body": [{**DOCUMENT["body"][0], "load": []}]}
+    for analysis, keys, told in (
+        (None, {"light": mains}, "light.lamp.flicker: frames aren't in time; got analysis.type"),
+        (modal, {"light": mains, **still}, 'frames aren\'t in time; got analysis.type "modal"'),
+        (None, {"camera": late}, "camera.side.trigger: nothing is known between frames"),
+    ):
+        with pytest.raises(SceneError, match=re.escape(told)):
+            small_scene(**keys, **({} if analysis is None else {"analysis": analysis}))
+    small_scene(camera=late, analysis=modal, **still)
+    small_scene(light=mains, analysis={"type": "static", "frame_rate_Hz": 25.0})
+    small_scene(light=mains, video={"frame_rate_Hz": 25.0})
+
+
+@pytest.mark.parametrize(
+    "flicker",
+    [{}, {"mains_Hz": 50.0}, {"pwm_Hz": 50.0}, {"pwm_Hz": 50.0, "duty": 0.5, "modulation": 0.1},
+     {"mains_Hz": 50.0, "modulation": 0.1, "pwm_Hz": 50.0, "duty": 0.5}],
+)  # fmt: skip
+def test_flicker_is_said_in_one_way(flicker: dict[str, float]) -> None:
+    lamp = {"name": "lamp", "type": "ambient", "radiance_W_m2_sr": 1.0, "flicker": flicker}
+    told = "how light varies is to be said in one way"
+    with pytest.raises(SceneError, match=told):
+        small_scene(light=[lamp], video={"frame_rate_Hz": 25.0})
