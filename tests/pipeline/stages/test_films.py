@@ -19,6 +19,8 @@ from tests.support.small_scene import DOCUMENT, small_scene
 
 CAMERA = DOCUMENT["camera"][0]
 LOADS = {"type": "static", "load_factors": [0.0, 0.4, 1.0]}
+MODES = {"name": "modes", "type": "modes", "camera": "side", "start_px": [9.0, 60.0],
+         "end_px": [400.0, 60.0]}  # fmt: skip
 LEAN: dict[str, Any] = {"measure": [], "output": {"fields": False}}
 
 
@@ -61,17 +63,20 @@ def test_rows_of_a_rolling_shutter_have_their_times(tmp_path: Path) -> None:
 
 
 def test_one_rate_and_one_exposure_for_all() -> None:
-    """[video] says them for what doesn't say its own, and they are in the scene as it is run."""
+    """[video] says them for what doesn't say its own; the document stays as it was written."""
     slow = {**CAMERA, "name": "slow", "shutter": {"exposure_ms": 2.0}}
+    same = {**CAMERA, "name": "same", "shutter": {"exposure_ms": 0.5}}
     scene = small_scene(
-        analysis=LOADS, camera=[CAMERA, slow], **LEAN,
+        analysis=LOADS, camera=[CAMERA, slow, same], **LEAN,
         video={"frame_rate_Hz": 200.0, "exposure_us": 500.0, "cameras": ["slow"]},
     )  # fmt: skip
     assert scene.analysis.frame_rate == 200.0 and filming(scene.video, scene.cameras) == ("slow",)
     shutters = [camera.shutter for camera in scene.cameras]
-    assert [one and one.exposure for one in shutters] == [5e-4, 2e-3]
+    assert [one and one.exposure for one in shutters] == [5e-4, 2e-3, 5e-4]
+    assert "shutter" not in scene.document["camera"][0]
+    assert "frame_rate_Hz" not in scene.document["analysis"]
     assert Scene.from_document(tomllib.loads(scene.to_toml())) == scene
-    assert [one.shutter for one in scene.with_effects(no="motion").cameras] == [None, None]
+    assert [one.shutter for one in scene.with_effects(no="motion").cameras] == [None] * 3
     fast = {"video.exposure_us": 100.0, "video.frame_rate_Hz": 400.0}
     for other in (
         small_scene(**{**scene.document, "variant": [{"name": "fast", "set": fast}]}).variant(
@@ -80,7 +85,7 @@ def test_one_rate_and_one_exposure_for_all() -> None:
         Scene.from_document(scene.document, overrides=fast),
     ):
         assert other.analysis.frame_rate == 400.0
-        assert [one.shutter and one.shutter.exposure for one in other.cameras] == [1e-4, 2e-3]
+        assert [one.shutter and one.shutter.exposure for one in other.cameras] == [1e-4, 2e-3, 5e-4]
     body = [{**DOCUMENT["body"][0], "load": []}]
     modal = {"type": "modal", "count": 1, "phases": 2}
     shapes = small_scene(analysis=modal, body=body, video={"frame_rate_Hz": 25.0}, **LEAN)
@@ -93,11 +98,20 @@ def test_one_rate_and_one_exposure_for_all() -> None:
         ({"video": {}}, r"video\.frame_rate_Hz: missing; got no frame_rate_Hz; expected frames"),
         ({"analysis": {**LOADS, "frame_rate_Hz": 50.0}},
          r"video\.frame_rate_Hz: said twice; got 200\.0; expected 50\.0, which analysis"),
+        ({"video": {"frame_rate_hz": 200.0, "exposure_us": 9.0},
+          "camera": [{**CAMERA, "shutter": {"exposure_ms": 1.0}}], "measure": [MODES],
+          "analysis": {"type": "transient", "duration_s": 1.0}},
+         r"^scene: 1 fault\n  video\.frame_rate_hz: unknown key \(did you mean frame_rate_Hz\?\)$"),
+        ({"analysis": {"type": "transient", "duration_s": 1.0}, "video": {"format": "png"}},
+         r"^scene: 1 fault\n  video\.frame_rate_Hz: missing"),
+        ({"analysis": {"type": "transient", "duration_s": 1e6}},
+         r"analysis\.duration_s: too many frames; got 2e\+08 frames"),
         ({"camera": []}, r"video: needs a camera; got no camera"),
         ({"video": {"frame_rate_Hz": 9.0, "cameras": ["top"]}}, r"video\.cameras.*'?top.*side"),
         ({"video": {"frame_rate_Hz": 9.0, "exposure_us": "long"}}, r"video\.exposure_us.*long"),
         ({"video": {"frame_rate_Hz": 9.0, "format": "avi"}}, r"video\.format.*avi.*ffv1"),
-        ({"video": {"frame_rate_Hz": 200.0, "exposure_us": 6000.0}}, "longer than a frame"),
+        ({"video": {"frame_rate_Hz": 200.0, "exposure_us": 6000.0}},
+         r"^scene: 1 fault\n  video\.exposure_us: longer than a frame; got 6000\.0; expected "),
     ],
 )  # fmt: skip
 def test_what_cannot_be_filmed_is_told(changes: dict[str, Any], text: str) -> None:

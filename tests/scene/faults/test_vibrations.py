@@ -95,8 +95,8 @@ def test_a_shutter_before_what_does_not_move() -> None:
 @pytest.mark.parametrize(
     ("analysis", "line"),
     [
-        ({"type": "transient", "duration_s": 1.0}, "analysis.frame_rate_Hz: missing; expected "
-         "a number > 0 (the camera's)"),
+        ({"type": "transient", "duration_s": 1.0}, "analysis.frame_rate_Hz: missing; got no "
+         "frame_rate_Hz; expected frames per second, here or in [video]"),
         ({**MODAL, "load_factors": [0.0, 2.0]}, 'analysis.load_factors: unknown key; expected '
          'one of type, count, modes, amplitude_mm, band_Hz, phases, mass, prestress (a key of '
          '"static")'),
