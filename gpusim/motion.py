@@ -98,7 +98,8 @@ class Given:
 @dataclass(frozen=True, eq=False)
 class Oscillation:
     """Motions of one frequency each, of which a state names one by its number and says what share
-    of its period has passed: ``rest`` + Re(amplitude exp(2 pi i share)).
+    of its period, and what time after that (s, 0 if it isn't said), has passed: ``rest`` +
+    Re(amplitude exp(2 pi i (share + frequency time))).
 
     ``amplitudes`` (n, N, 3) m, complex where nodes aren't in phase, and ``frequencies`` (n,) Hz, by
     ``numbers`` (n,) > 0; with the number 0 nothing moves. ``rest`` (N, 3) m: where.
@@ -118,9 +119,9 @@ class Oscillation:
         return self._part(state, 2j * np.pi * self.frequency(state))
 
     def later(self, state: State, seconds: float) -> State:
-        """The same motion in another phase."""
-        number, share = state
-        return number, share + seconds * self.frequency(state)
+        """The same motion at another time."""
+        number, share, *past = state
+        return number, share, seconds + sum(past)
 
     def frequency(self, state: State) -> float:
         """Hz; 0 where nothing moves."""
@@ -134,7 +135,8 @@ class Oscillation:
         if not state[0]:
             return np.zeros_like(self.rest)
         # a quarter of a period is one: nothing moves by what is rounded off
-        turned = factor * np.round(np.exp(2j * np.pi * state[1]), 15)
+        share = state[1] + sum(state[2:]) * self.frequency(state)
+        turned = factor * np.round(np.exp(2j * np.pi * share), 15)
         amplitude = self.amplitudes[self._place(state)]
         return np.asarray(turned.real * amplitude.real - turned.imag * amplitude.imag)
 

@@ -340,7 +340,7 @@ class _Checks:
         video, own = table_of(self.document, "video"), self.analysis.get("frame_rate_Hz")
         got, wanted = Words("no frame_rate_Hz"), "frames per second, here or in [video]"
         if "video" not in self.document:
-            if self.rate is None and self.analysis.get("type") == "transient":
+            if self.rate is None and "duration_s" in self.analysis:
                 self.add(("analysis", "frame_rate_Hz"), "missing", got, wanted)
             return
         rate = video.get("frame_rate_Hz", own)

@@ -6,8 +6,10 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
+from scipy.interpolate import LinearNDInterpolator
 
 import gpusim as gs
 from gpusim.errors import SceneError
@@ -21,6 +23,7 @@ CAMERA = DOCUMENT["camera"][0]
 LOADS = {"type": "static", "load_factors": [0.0, 0.4, 1.0]}
 MODES = {"name": "modes", "type": "modes", "camera": "side", "start_px": [9.0, 60.0],
          "end_px": [400.0, 60.0]}  # fmt: skip
+TRUTH = ["reference", "displacement", "element"]
 LEAN: dict[str, Any] = {"measure": [], "output": {"fields": False}}
 
 
@@ -60,6 +63,43 @@ def test_rows_of_a_rolling_shutter_have_their_times(tmp_path: Path) -> None:
     middle = first[1] + 0.5 * (CAMERA["resolution_px"][1] - 1) * first[2]
     assert first[2] == -4e-6 and abs(middle) < 1e-18
     assert last[1] - first[1] == pytest.approx(0.01, abs=1e-15)
+
+
+def test_truth_has_the_time_of_each_row(tmp_path: Path) -> None:
+    """Of a bar in its first mode, each row where the sine of its time has it."""
+    shutter = {"line_time_us": 40.0, "exposure_ms": 0.2, "samples": 1}
+    camera = {**CAMERA, "resolution_px": [360, 96], "shutter": shutter}
+    body = [{**DOCUMENT["body"][0], "load": []}]
+    modal = {"type": "modal", "count": 1, "duration_s": 0.003, "amplitude_mm": 2.0}
+    scene = small_scene(analysis=modal, body=body, camera=[camera], video={"frame_rate_Hz": 700.0},
+                        **{**LEAN, "output": {"fields": False, "truth": TRUTH}})  # fmt: skip
+    report = gs.run(scene, tmp_path, backend="numpy")
+    rate = report.modes[0]["frequency_Hz"]
+    bar = scene.solution()["bar"]
+    points = bar.mesh.points
+    far = bar.displacement(1)[:, 2] / np.sin(2.0 * np.pi * rate / 700.0)
+    front = np.isclose(points[:, 1], points[:, 1].min())
+    shape = LinearNDInterpolator(points[front][:, [0, 2]], far[front])
+    with h5py.File(tmp_path / "truth.h5") as file:
+        side = file["camera/side"]
+        assert (side.attrs["line_time_s"], side.attrs["exposure_time_s"]) == (4e-5, 2e-4)
+        times = [frame.attrs["time_s"] for frame in side["frame"].values()]
+        assert times == [k / 700.0 for k in range(3)]
+        assert file["mesh/displacement/0002"].attrs["time_s"] == times[2]
+        for number, time in enumerate(times):
+            frame = side[f"frame/{number:04d}"]
+            place, moved = frame["reference"][()], frame["displacement"][()]
+            row, column = np.nonzero(place[..., 1] <= points[:, 1].min() + 1e-9)
+            cells = bar.mesh.cells["hex8"][frame["element"][()][row, column]]
+            inside = points[cells][..., 0]
+            assert (np.ptp(inside, axis=1) < 0.0201).all()
+            x = place[row, column][:, 0]
+            assert ((inside.min(axis=1) <= x + 1e-9) & (x <= inside.max(axis=1) + 1e-9)).all()
+            known = shape(place[row, column][:, [0, 2]])
+            when = time + (row - 47.5) * 4e-5
+            off = moved[row, column, 2] - known * np.sin(2.0 * np.pi * rate * when)
+            assert len(row) > 1500 and np.nanmax(np.abs(off)) < 5e-6, "a row is 72"
+            assert np.ptp(when) > 2e-4
 
 
 def test_one_rate_and_one_exposure_for_all() -> None:

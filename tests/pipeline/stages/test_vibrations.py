@@ -17,6 +17,7 @@ from gpusim.pipeline.scene_objects.surfaces import build_body
 from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import load_groups
+from gpusim.scene.frames import frame_table
 from gpusim.view.content.loading import load_content
 from tests.support.small_scene import DOCUMENT, small_scene
 
@@ -51,6 +52,46 @@ def test_frames_show_modes_in_their_phases(modal: Scene) -> None:
         assert not bar.displacement(frame + 1).any()
         assert np.abs(bar.displacement(frame + 2) + u).max() <= 1e-12
     assert bar.reactions(1).shape == (0, 3)
+
+
+IN_TIME = {"duration_s": 0.01, "frame_rate_Hz": 1000.0}
+
+
+def test_frames_of_a_duration_are_in_time(modal: Scene) -> None:
+    """Each mode at its own frequency, one after the other, from its place at rest."""
+    video = {"frame_rate_Hz": 1000.0, "exposure_us": 300.0}
+    analysis = {key: value for key, value in MODAL.items() if key != "phases"}
+    scene = small_scene(**{**modal.document, "analysis": {**analysis, "duration_s": 0.01},
+                           "video": video})  # fmt: skip
+    bar, found = scene.solution()["bar"], gs.modes(model_of(scene), 4)
+    assert bar.frames == 22
+    for frame, mode, time in ((0, 0, 0.0), (4, 0, 0.004), (11, 2, 0.0), (17, 2, 0.006)):
+        shape = found.shapes[mode]
+        u = 3e-3 * shape / np.linalg.norm(shape, axis=1).max()
+        now = u * np.sin(2.0 * np.pi * found.frequencies[mode] * time)
+        assert np.abs(bar.displacement(frame) - now).max() <= 1e-9
+    table = frame_table(scene)
+    assert [table[k].time for k in (0, 11, 21)] == [0.0, 0.011, 0.021]
+    assert table[17].shown.states == ((3.0, -0.25, 0.006),)
+    assert scene.analysis.frame_text(12) == "mode 3, time 0.012 s"
+    keys = [_solve_key(one) for one in (modal, scene)]
+    assert keys[0] == keys[1], "modes are solved again to be filmed"
+
+
+def test_a_rolling_shutter_films_a_mode_row_by_row(modal: Scene) -> None:
+    """At any instant around any frame the sine of that time."""
+    analysis = {**MODAL, **IN_TIME}
+    del analysis["phases"]
+    scene = small_scene(**{**modal.document, "analysis": analysis})
+    objects = scene_contents(scene)
+    motion, state = objects.vibrations(7)[0]
+    rate, amplitude = gs.modes(model_of(scene), 4).frequencies[0], motion.displacement((1.0, 0.0))
+    for later in (-3e-4, 0.0, 2.5e-3):
+        u = motion.displacement(motion.later(state, later))
+        now = amplitude * np.sin(2.0 * np.pi * rate * (0.007 + later))
+        assert np.abs(u - now).max() <= 1e-12
+    in_time = objects.around((7,), 7, 0.0)
+    assert in_time is not None and objects.around((0,), 0, 0.0) is not None
 
 
 def test_a_camera_sees_what_happens_while_its_shutter_is_open(modal: Scene) -> None:
@@ -134,6 +175,10 @@ def test_a_steady_vibration_lags_behind_its_load() -> None:
     scene = scene_of(given)
     bar = scene.solution()["bar"]
     found = gs.harmonic(model_of(scene), [100.0, 143.0], damping=gs.ModalDamping(0.02))
+    del given["phases"]
+    filmed = scene_of({**given, "duration_s": 0.002, "frame_rate_Hz": 800.0}).solution()["bar"]
+    u = found.at(1, 2.0 * np.pi * 143.0 / 800.0)
+    assert filmed.frames == 4 and np.abs(filmed.displacement(3) - u).max() <= 1e-9
     assert bar.frames == 9 and not bar.displacement(0).any()
     for frame, number, phase in ((1, 0, 0.0), (2, 0, 0.5), (7, 1, 1.0)):
         u = found.at(number, np.pi * phase)

@@ -35,7 +35,7 @@ class AnalysisTable(Table):
     A subclass gives ``type`` the kind's name, adds its keys, and says
 
     - ``about``: what it is, in a few words;
-    - ``frame_values``: a number for each frame, in words a ``word``; ``frames_key``: which key has
+    - ``frame_values``: a number for each frame, which is a ``word``; ``frames_key``: which key has
       one for each, so that loads may have one as well;
     - ``given``: whether bodies have a ``field`` in place of a mesh;
     - ``vibrates``: whether bodies have inertia (materials need a density, and nothing needs to hold
@@ -46,11 +46,15 @@ class AnalysisTable(Table):
     type: str
 
     about: ClassVar[str] = ""
-    word: ClassVar[str] = "load_factor"
     frames_key: ClassVar[str] = "type"
     given: ClassVar[bool] = False
     vibrates: ClassVar[bool] = False
     scales_loads: ClassVar[bool] = False
+
+    @property
+    def word(self) -> str:
+        """What ``frame_values`` are."""
+        return "load_factor"
 
     @property
     def frame_values(self) -> tuple[float, ...]:
@@ -65,7 +69,8 @@ class AnalysisTable(Table):
     @classmethod
     def in_time(cls, given: Container[str]) -> bool:
         """Whether frames of a table with the ``given`` keys are in time, if their rate is known."""
-        return "frame_rate_Hz" in cls.model_fields
+        lasts = "duration_s" in given or "duration_s" not in cls.model_fields
+        return "frame_rate_Hz" in cls.model_fields and lasts
 
     def at_rate(self, rate: float | None) -> Self:
         """The table with the ``rate`` (Hz) of frames that are in time, where it says none. Raises a
@@ -84,6 +89,7 @@ class AnalysisTable(Table):
         if duration is None or rate is None:
             return
         key, count = f"{at}duration_s", 1.0 + duration * rate
+        count *= len(getattr(self, "shown", (1,)))  # motions one after the other
         check_frame_count(count, key, "less time or a lower frame_rate_Hz")
         if len(instants(duration, rate)) < 2:
             wanted = f"at least {1.0 / rate:g}, from one frame to the next"
