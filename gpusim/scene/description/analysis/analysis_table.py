@@ -89,7 +89,6 @@ class AnalysisTable(Table):
         if duration is None or rate is None:
             return
         key, count = f"{at}duration_s", 1.0 + duration * rate
-        count *= len(getattr(self, "shown", (1,)))  # motions one after the other
         check_frame_count(count, key, "less time or a lower frame_rate_Hz")
         if len(instants(duration, rate)) < 2:
             wanted = f"at least {1.0 / rate:g}, from one frame to the next"

@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
+from gpusim.motion import ALL
 from gpusim.scene.tables.table import Count, Length, Listed, PositivePair, Words, fault
 
 from .analysis_table import (
@@ -37,9 +38,9 @@ _PHASES = 8
 
 
 class OscillationTable(AnalysisTable):
-    """Motions of one frequency each, by number, one after the other: in phases of their period,
-    after frame 0, which is at rest; or in time. ``begin``: share of its period that has passed of
-    each when its frames in time begin."""
+    """Motions of one frequency each, by number: one after the other in phases of their period,
+    after frame 0, which is at rest; or in time, all at once. ``begin``: share of its period that
+    has passed of each at time 0."""
 
     begin: ClassVar[float] = 0.0
     vibrates: ClassVar[bool] = True
@@ -67,28 +68,24 @@ class OscillationTable(AnalysisTable):
 
     @property
     def phase_count(self) -> int:
-        """Frames of each motion."""
+        """Frames of each motion that is shown in phases."""
         return 1
-
-    @property
-    def resting(self) -> int:
-        """Frames at rest, before all others."""
-        return int(self.frame_rate is None)
 
     @cached_property
     def oscillations(self) -> tuple[tuple[float, ...], ...]:
         """States of a `gpusim.motion.Oscillation` in each frame that isn't at rest: the number of
         the motion, the share of its period and, of frames in time, the time (s) that have passed.
         """
-        count, rate = self.phase_count, self.frame_rate
-        passed = [(k / count,) if rate is None else (self.begin, k / rate) for k in range(count)]
-        return tuple((float(number), *one) for number in self.shown for one in passed)
+        if self.word == "time":
+            return tuple((ALL, self.begin, time) for time in self.frame_values)
+        count = self.phase_count
+        return tuple((float(number), k / count) for number in self.shown for k in range(count))
 
     @cached_property
     def frame_values(self) -> tuple[float, ...]:
         """Phases (deg), or times."""
         if self.frame_rate is not None:
-            return tuple(k / self.frame_rate for k in range(len(self.oscillations)))
+            return instants(getattr(self, "duration_s", 0.0), self.frame_rate)
         return (0.0, *(360.0 * turn for _, turn in self.oscillations))
 
     def name_of(self, number: int) -> str:
@@ -97,18 +94,20 @@ class OscillationTable(AnalysisTable):
 
     def frame_text(self, frame: int) -> str:
         """The motion of a frame, and its phase or time."""
-        if frame < self.resting:
+        if self.word == "time":
+            return f"{super().frame_text(frame)} s"
+        if not frame:
             return "at rest"
-        name = self.name_of(int(self.oscillations[frame - self.resting][0]))
-        if self.frame_rate is not None:
-            return f"{name}, {super().frame_text(frame)} s"
+        name = self.name_of(int(self.oscillations[frame - 1][0]))
         return name if self.phase_count == 1 else f"{name}, phase {self.frame_values[frame]:g} deg"
 
     def shown_motions(self, most: int) -> Sequence[Mapping[int, str]]:
         """Each in all its frames, of which any may be the one that moves most; where there are
-        more, the last ones together."""
+        more, the last ones together. Of frames in time, none."""
+        if self.word == "time":
+            return []
         motions: dict[int, dict[int, str]] = {}
-        for frame, (number, *_) in enumerate(self.oscillations, self.resting):
+        for frame, (number, *_) in enumerate(self.oscillations, 1):
             motions.setdefault(min(int(number), most), {})[frame] = self.frame_text(frame)
         return list(motions.values())
 
@@ -131,18 +130,16 @@ class FilmedTable(OscillationTable):
     phases: Count | None = None
     """Frames in a period of vibration, after frame 0, which shows bodies at rest; without it 8."""
     duration_s: Length | None = None
-    """In place of phases: frames are in time, of each motion for so long, one after the other;
-    modes from where they pass their place at rest, steady vibrations from where loads are
-    greatest."""
+    """In place of phases: frames are in time, from 0 to the last one or a little later, and show
+    all modes or frequencies at once; modes from where they pass their place at rest, steady
+    vibrations from where loads are greatest."""
     frame_rate_Hz: Rate | None = None
     """The camera's, of frames in time; said here or in [video]."""
 
     @property
     def phase_count(self) -> int:
-        """Phases, or frames of the duration."""
-        if self.frame_rate is None or self.duration_s is None:
-            return self.phases or _PHASES
-        return len(instants(self.duration_s, self.frame_rate))
+        """As many as are asked for."""
+        return self.phases or _PHASES
 
     @model_validator(mode="after")
     def _check_time(self) -> Self:
