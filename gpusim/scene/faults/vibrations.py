@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from gpusim.scene.description.analysis.analysis_table import TABLES
-from gpusim.scene.tables.table import Words, tables_of
+from gpusim.scene.tables.table import Words, table_of, tables_of
 
 from .key_paths import Keys
 
@@ -19,8 +19,7 @@ _UNVARIED = ("modal", "harmonic", "buckling")
 
 def vibration_faults(document: Mapping[str, Any]) -> Iterator[VibrationFault]:
     """Of a plain document; few of one with another kind of analysis."""
-    analysis = document.get("analysis")
-    analysis = analysis if isinstance(analysis, Mapping) else {}
+    analysis = table_of(document, "analysis")
     kind = str(analysis.get("type", "static"))
     if kind not in TABLES:
         return

@@ -96,11 +96,11 @@ def test_a_shutter_before_what_does_not_move() -> None:
 @pytest.mark.parametrize(
     ("analysis", "line"),
     [
-        ({"type": "transient", "duration_s": 1.0}, "analysis.frame_rate_Hz: missing; expected "
-         "a number > 0 (the camera's)"),
+        ({"type": "transient", "duration_s": 1.0}, "analysis.frame_rate_Hz: missing; got no "
+         "frame_rate_Hz; expected frames per second, here or in [video]"),
         ({**MODAL, "load_factors": [0.0, 2.0]}, 'analysis.load_factors: unknown key; expected '
-         'one of type, count, modes, amplitude_mm, band_Hz, phases, mass, prestress (a key of '
-         '"static")'),
+         'one of type, count, modes, amplitude_mm, phases, duration_s, frame_rate_Hz, band_Hz, '
+         'mass, prestress (a key of "static")'),
         ({**MODAL, "band_Hz": [10.0, 5.0], "modes": [1]}, "analysis.band_Hz: no band"),
         ({**MODAL, "band_Hz": [10.0, 50.0]}, "analysis.modes: missing beside band_Hz"),
         ({**MODAL, "count": 3, "modes": [4]}, "analysis.modes: more than count; got 4; expected at "
@@ -124,6 +124,13 @@ def test_a_shutter_before_what_does_not_move() -> None:
         ({**TRANSIENT, "method": "hht", "count": 5}, 'analysis.count: of method "hht"'),
         ({**TRANSIENT, "duration_s": 1e6}, "analysis.duration_s: too many frames; got 1e+09 "
          "frames; expected at most 10000"),
+        ({**MODAL, "phases": 2, "duration_s": 1.0, "frame_rate_Hz": 9.0},
+         "analysis.phases: beside duration_s; got 2; expected one of them"),
+        ({**MODAL, "frame_rate_Hz": 9.0}, "analysis.frame_rate_Hz: of frames that are phases; got "
+         "9.0; expected duration_s beside it"),
+        ({**MODAL, "duration_s": 1.0}, "analysis.frame_rate_Hz: missing; got no frame_rate_Hz"),
+        ({**MODAL, "duration_s": 2.0, "frame_rate_Hz": 6e3},
+         "analysis.duration_s: too many frames; got 12001 frames"),
         ({**MODAL, "phases": 2000}, "analysis.phases: too many frames; got 20001 frames"),
         ({**TRANSIENT, "frame_rate_Hz": 10.0},
          "analysis.duration_s: over before a second frame; got 0.01; expected at least 0.1,"),

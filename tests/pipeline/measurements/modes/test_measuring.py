@@ -79,7 +79,11 @@ def test_modes_without_a_true_one_stand_alone(tmp_path: Path) -> None:
     ("analysis", "keys", "text"),
     [
         ({"type": "static", "load_factors": [0.0] * 70}, {}, "without a time between frames"),
-        ({"type": "modal", "count": 1, "phases": 70}, {}, 'expected analysis.type = "transient"'),
+        (
+            {"type": "modal", "count": 1, "phases": 70},
+            {},
+            'of type "modal" or "harmonic" duration_s',
+        ),
         (FILM, {"band_Hz": [100.0, "x"]}, "band_Hz"),
         (FILM, {"end_mm": None}, r"end_px: where it is; got neither"),
         (FILM, {"subset_px": 8}, r"subset_px: even; got 8; expected an odd number"),
