@@ -95,20 +95,20 @@ def correlate_files(
             first, name = read_still(reference), str(reference)
         lens = None
         if settings.calibration is not None:
-            (lens,) = _cameras(settings, settings.calibration, [first.shape], "calibration")
-        options, notes = _prepared(first, name, settings)
+            (lens,) = cameras_of(settings, settings.calibration, [first.shape], "calibration")
+        options, notes = prepared(first, name, settings)
         pictures = {"deformed": frames}
         written = ResultWriter(Path(output), first, pictures, notes, settings.formats, progress)
 
         def keep(number: int, result: DicResult) -> None:
             found: StrainResult | None = None
-            result, flat = (result, result) if lens is None else _undistorted(result, lens)
+            result, flat = (result, result) if lens is None else undistorted(result, lens)
             if settings.strain != "none":
                 found = strain(flat, window=settings.strain_window, kind=settings.strain)
             written.add(number, result, found, keep=keep_results)
 
         progress("dic", 0.0, f"{len(frames)} images")
-        images = _alike(frames, first.shape, name)
+        images = alike(frames, first.shape, name)
         motion = _motion_options(settings)
         dic_sequence(first, images, progress=keep, keep_results=False, **options, **motion)
         return written.finished()
@@ -162,8 +162,8 @@ def correlate_pairs(
                 f"lefts, rights: got {len(one)} and {len(two)} pictures; expected pairs"
             )
         left, right = one[0], two[0]
-        cameras = _cameras(settings, rig, [left.shape, right.shape], "rig")
-        options, notes = _prepared(left, one.names[0], settings)
+        cameras = cameras_of(settings, rig, [left.shape, right.shape], "rig")
+        options, notes = prepared(left, one.names[0], settings)
         notes["stereo"] = str(rig)
         moved = len(one) > 1
         pictures = {"left": one[1:], "right": two[1:]} if moved else {"left": one, "right": two}
@@ -178,8 +178,8 @@ def correlate_pairs(
 
         progress("dic", 0.0, f"{len(one)} pairs")
         if moved:
-            lefts = _alike(one[1:], left.shape, one.names[0])
-            rights = _alike(two[1:], right.shape, two.names[0])
+            lefts = alike(one[1:], left.shape, one.names[0])
+            rights = alike(two[1:], right.shape, two.names[0])
             options |= _motion_options(settings)
             stereo_dic(
                 left, right, lefts, rights, (cameras[0], cameras[1]), progress=keep, **options
@@ -189,7 +189,7 @@ def correlate_pairs(
         return written.finished(stand_off_warnings(Path(rig), cameras, written.results))
 
 
-def _prepared(
+def prepared(
     first: npt.NDArray[Any], name: str, settings: CorrelationSettings
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Arguments of every correlation with the picture ``first`` as its reference, and what reports
@@ -208,7 +208,7 @@ def _motion_options(settings: CorrelationSettings) -> dict[str, Any]:
     return {name: getattr(settings, name) for name in names}
 
 
-def _undistorted(result: DicResult, lens: CalibratedCamera) -> tuple[DicResult, MappedResult]:
+def undistorted(result: DicResult, lens: CalibratedCamera) -> tuple[DicResult, MappedResult]:
     """The result with the lens undone, at its places in the picture; and where they really are."""
     flat = mapped(result, lens_mapping(lens))
     own = replace(
@@ -221,7 +221,7 @@ def _undistorted(result: DicResult, lens: CalibratedCamera) -> tuple[DicResult, 
     return own, flat
 
 
-def _cameras(
+def cameras_of(
     settings: CorrelationSettings, path: PathLike, shapes: Sequence[tuple[int, ...]], argument: str
 ) -> list[CalibratedCamera]:
     """The cameras of pictures of such ``shapes``, from a file."""
@@ -229,7 +229,7 @@ def _cameras(
     return cameras_in_file(f"`{argument}`: {path}", path, sizes, unit=settings.calibration_unit)
 
 
-def _alike(
+def alike(
     frames: FrameSource, shape: tuple[int, ...], reference: str
 ) -> Iterator[npt.NDArray[Any]]:
     """The pictures; InputError for one that isn't of the reference's size: then the same pixel

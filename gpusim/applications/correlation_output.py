@@ -145,7 +145,7 @@ class ResultWriter:
         keep: bool = True,
     ) -> None:
         """Write the result of the pictures of a ``number``, found since the last one."""
-        seconds = time.perf_counter() - self.since
+        row = self.sum_up(number, result, strains)
         files = {side: frames.names[number] for side, frames in self.pictures.items()}
         picture, frames = next(iter(files.values())), next(iter(self.pictures.values()))
         stem = f"{number + 1:04d}_{safe_name(Path(picture).stem)}"
@@ -153,9 +153,6 @@ class ResultWriter:
         for path in tables:
             write_correlation(path, result, strains, self.settings | files)
         figure = draw_maps(self.reference, result, strains, inside(self.folder, f"{stem}.png"))
-        row = summary(picture, result, strains, seconds)
-        taken = float(frames.times[number])
-        self.rows.append(row if np.isnan(taken) else row | {"time_s": taken})
         names = [Path(name).name for name in files.values()]
         self.figures.append(replace(figure, frame=", ".join(names)))
         self.files += [*tables, figure.path]
@@ -164,6 +161,17 @@ class ResultWriter:
             self.strains.append(strains)
         self.progress("dic", (number + 1) / len(frames), f"{names[0]}: {row['measured']} measured")
         self.since = time.perf_counter()
+
+    def sum_up(
+        self, number: int, result: DicResult | StereoResult, strains: StrainResult | None
+    ) -> dict[str, Any]:
+        """The row of the pictures of a ``number``, found since the last one."""
+        frames, since = next(iter(self.pictures.values())), self.since
+        self.since = time.perf_counter()
+        row = summary(frames.names[number], result, strains, self.since - since)
+        taken = float(frames.times[number])
+        self.rows.append(row if np.isnan(taken) else row | {"time_s": taken})
+        return self.rows[-1]
 
     def finished(self, warnings: Sequence[str] = ()) -> CorrelationOutput:
         """All of it, with report.json and report.html of all results."""
