@@ -61,8 +61,9 @@ def correlate_files(
 ) -> CorrelationOutput:
     """Measure how pictures moved against the first one; write tables, maps and ``report.html``.
 
-    Each picture has its ``<number>_<name>.csv`` (or other formats) and ``<number>_<name>.png``.
-    Pictures are read one at a time. All but the pictures is checked before the first is measured.
+    Each picture has its ``<number>_<name>.csv`` (or other formats) and ``<number>_<name>.png``; of
+    more than 100 pictures 25 maps are drawn. Pictures are read one at a time. All but the pictures
+    is checked before the first is measured.
 
     Parameters
     ----------
@@ -122,6 +123,7 @@ def correlate_pairs(
     settings: CorrelationSettings = USUAL,
     *,
     progress: Progress = silent,
+    keep_results: bool = True,
 ) -> CorrelationOutput:
     """Measure a surface in space from pairs of pictures, the reference pair first; lengths are mm.
 
@@ -132,6 +134,7 @@ def correlate_pairs(
     lefts, rights : pictures of the two cameras, as ``read_frames`` takes them.
     rig : calibration file of both cameras.
     output, settings, progress : as in ``correlate_files``.
+    keep_results : return them all; False: the first one alone.
 
     Raises
     ------
@@ -174,16 +177,15 @@ def correlate_pairs(
             if settings.strain != "none" and moved:
                 kind: Any = settings.strain
                 found = surface_strain(result, window=settings.strain_window, kind=kind)
-            written.add(number, result, found)
+            written.add(number, result, found, keep=keep_results or number == 0)
 
         progress("dic", 0.0, f"{len(one)} pairs")
         if moved:
             lefts = alike(one[1:], left.shape, one.names[0])
             rights = alike(two[1:], right.shape, two.names[0])
             options |= _motion_options(settings)
-            stereo_dic(
-                left, right, lefts, rights, (cameras[0], cameras[1]), progress=keep, **options
-            )
+            options |= {"progress": keep, "keep_results": False}
+            stereo_dic(left, right, lefts, rights, (cameras[0], cameras[1]), **options)
         else:
             keep(0, stereo_shape(left, right, (cameras[0], cameras[1]), **options))
         return written.finished(stand_off_warnings(Path(rig), cameras, written.results))

@@ -220,7 +220,9 @@ def _correlate(
                 pictures[0], pictures[1:], output, settings, progress=progress, keep_results=False
             )
         else:
-            done = correlate_pairs(lefts, rights, stereo, output, settings, progress=progress)
+            done = correlate_pairs(
+                lefts, rights, stereo, output, settings, progress=progress, keep_results=False
+            )
     tell(done, output, quiet, as_json)
 
 
