@@ -159,7 +159,7 @@ class VideoSink:
         known = picture and image.size > 0 and image.dtype in (np.uint8, np.uint16)
         got = f"shape {image.shape}, {image.dtype}"
         require(known, f"video: {self.path}", got, "(H, W) or (H, W, 3), uint8 or uint16")
-        self._take = Take(image, time, self.frame_rate, self.bits or 8 * image.itemsize)
+        self._take = Take(image, float(time), self.frame_rate, self.bits or 8 * image.itemsize)
         return WRITERS[self.path.suffix.lower()](self.path, self._take, self._stack)
 
 
