@@ -40,7 +40,7 @@ SMOOTHING = 3.5  # px, standard deviation
 TRANSITION = 0.5  # width in which the filter rises, over the low end of the band
 LEAK_DB = 40.0  # of what isn't to be magnified, over what it was
 MEMORY = 1 << 30  # bytes at once, about
-PIXEL_BYTES = 24  # at once, for each picture of a part
+PIXEL_BYTES = 28  # at once, for each picture of a part
 LEAST_PICTURES = 24  # that come out of a part
 
 
