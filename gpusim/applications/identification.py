@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import cv2
 import numpy as np
 
 from gpusim._version import __version__
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 
 ARROW = 0.1  # of the picture's longer side: the greatest component of a shape,
 LONGEST_SIDES = 2.0  # which counts as no more than so many times the shorter one
+OTHERS, MOST_SIGMA = 8, 0.05  # pictures that tell the noise; px, of points of a grid
 SCHEMA = 1
 
 
@@ -138,7 +140,7 @@ def identify_files(
         source = timed(video, settings.rate_Hz)
         identifiable_band(source.times, settings.band_Hz, settings.method, settings.excitation)
         first = check_image(source[0], source.names[0])
-        points = _points(first, settings)
+        points = _points(source, first, settings)
 
         def measured(number: int, displacement: Float) -> None:
             done, text = (number + 1) / len(source), f"frame {number + 1} of {len(source)}"
@@ -169,13 +171,43 @@ def identify_files(
         return IdentificationOutput(series, modes, report, files)
 
 
-def _points(first: Image, settings: IdentificationSettings) -> Float:
+def _points(source: FrameSource, first: Image, settings: IdentificationSettings) -> Float:
+    """Those of a grid that show where they are by more than noise, if there are any."""
     if settings.points is not None:
         return np.asarray(settings.points, dtype=np.float64)
     height, width = first.shape
     x0, y0, x1, y1 = settings.roi or (0, 0, width - 1, height - 1)
     step = max((max(x1 - x0, y1 - y0) + 1 - settings.subset) // max(settings.grid - 1, 1), 1)
-    return grid_points(first.shape, subset=settings.subset, step=step, roi=settings.roi)
+    places = grid_points(first.shape, subset=settings.subset, step=step, roi=settings.roi)
+    others = [source[int(k)] for k in np.linspace(1, len(source) - 1, OTHERS)]
+    shown = _expected_sigma(first, others, places, settings.subset) <= MOST_SIGMA
+    return places[shown] if shown.any() else places
+
+
+def _expected_sigma(first: Image, others: list[Image], points: Float, subset: int) -> Float:
+    """(P,) px, standard uncertainty of a shift in the direction which a subset shows worst: noise
+    over slopes that are more than noise. Noise is the least of what changes from the first picture
+    to ``others``, and of what is rough in the first (Immerkær 1996): motion changes pictures, fine
+    texture is rough."""
+    column, row = points.T.astype(np.int64)
+    grey = np.asarray(first, dtype=np.float64)
+
+    def mean(values: Float) -> Float:
+        return np.asarray(cv2.blur(values, (subset, subset))[row, column])
+
+    changes: list[Float] = [grey - other for other in others if other.shape == grey.shape]
+    mixed = np.outer([1, -2, 1], [1, -2, 1]) / np.sqrt(18.0)
+    rough: Float = np.asarray(cv2.filter2D(grey, -1, mixed), dtype=np.float64)
+    spreads = [mean(one * one) - mean(one) ** 2 for one in [*changes, rough]]
+    noise = np.min(spreads, axis=0) / 2
+    down, across = (np.asarray(one, dtype=np.float64) for one in np.gradient(grey))
+    xx, yy, xy = (
+        mean(one * other) for one, other in ((across, across), (down, down), (across, down))
+    )
+    least = (xx + yy) / 2 - np.hypot((xx - yy) / 2, xy) - noise / 2  # of noise's own slopes
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sigma = np.sqrt(noise / least) / subset
+    return np.where(least > 0, sigma, np.where(noise > 0, np.inf, 0.0))
 
 
 def _lost(series: PointSeries) -> dict[str, int]:

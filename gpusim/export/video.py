@@ -41,7 +41,7 @@ WRITERS: dict[str, Callable[[Path, Take, ExitStack], Writer]] = {
     ".png": PictureWriter,
     ".tif": PictureWriter,
 }
-_DEPTHS = (8, 10, 12, 14, 16)
+DEPTHS = (8, 10, 12, 14, 16)
 
 
 class FrameSink(Protocol):
@@ -96,7 +96,7 @@ class VideoSink:
         suffix = self.path.suffix.lower()
         known = suffix in WRITERS
         require(known, f"video: {path}", f"suffix {suffix!r}", ", ".join(WRITERS))
-        require(bits is None or bits in _DEPTHS, "bits", bits, f"one of {_DEPTHS}")
+        require(bits is None or bits in DEPTHS, "bits", bits, f"one of {DEPTHS}")
         self._stack = ExitStack()
         self._writer: Writer | None = None
         self._times: list[float] = []

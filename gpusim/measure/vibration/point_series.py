@@ -47,6 +47,7 @@ class PointSeries:
     displacement : (T, P, 2) float64, px; NaN where a point wasn't found.
     status : (P,) int8, values of ``Status``: ``OK``, or why a point was first not found.
     method : how they were found.
+    line_time : s from one row's exposure to the next's; ``times`` are those of the first row.
 
     Examples
     --------
@@ -61,6 +62,7 @@ class PointSeries:
     displacement: Float
     status: npt.NDArray[np.int8]
     method: str
+    line_time: float = 0.0
     __repr__ = field_summary
 
     @classmethod
@@ -82,6 +84,11 @@ class PointSeries:
     def ok(self) -> Bool:
         """(P,) bool: the points that were found in all pictures."""
         return np.asarray(self.status == Status.OK)
+
+    @property
+    def delays(self) -> Float:
+        """(P,) s from the time of a picture to that of each point's row."""
+        return self.line_time * self.points[:, 1]
 
     @property
     def rate_Hz(self) -> float:
@@ -151,7 +158,7 @@ def point_series(
         known = np.isfinite(distance)
         last, before = before, np.where(known, distance, before)
         start = np.where(known, 2.0 * before - last, before) if number else before
-    return PointSeries(source.times.copy(), places, displacement, status, method)
+    return PointSeries(source.times.copy(), places, displacement, status, method, source.line_time)
 
 
 def _found(

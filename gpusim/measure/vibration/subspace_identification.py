@@ -18,7 +18,7 @@ import numpy as np
 import scipy
 
 from gpusim.arrays.array_types import Bool, Complex, Float, Int, Long
-from gpusim.measure.vibration.operational_modes import Poles, distances, jackknife
+from gpusim.measure.vibration.operational_modes import Poles, Sensors, distances, jackknife
 
 SAME_FREQUENCY, SAME_DAMPING, SAME_SHAPE = 0.01, 0.1, 0.05  # relative, relative, 1 - MAC
 MOST_DAMPING = 0.3
@@ -112,10 +112,10 @@ def stabilisation(statistics: Covariances, vectors: Float, orders: Long) -> Stab
 
 
 def subspace_modes(
-    statistics: Covariances, band_Hz: tuple[float, float], count: int, loadings: Float
+    statistics: Covariances, band_Hz: tuple[float, float], count: int, sensors: Sensors
 ) -> tuple[Poles, Poles, Stabilisation]:
-    """The ``count`` modes in a band that show at most orders, their uncertainties (of shapes as by
-    ``loadings``), and the poles of all orders."""
+    """The ``count`` modes in a band that show at most orders, their uncertainties (of shapes at
+    ``sensors``), and the poles of all orders."""
     hankel = statistics.hankel(statistics.blocks.mean(axis=0))
     left, size, right = scipy.linalg.svd(hankel, full_matrices=False)
     most = min(ORDERS * count, len(hankel) - statistics.blocks.shape[2])
@@ -145,7 +145,7 @@ def subspace_modes(
             found.append(poles[[int(distances(modes[[number]], poles).argmin())]])
         return joined(found)
 
-    return modes, jackknife(statistics.blocks, estimate, loadings), diagram
+    return modes, jackknife(statistics.blocks, estimate, sensors), diagram
 
 
 def joined(parts: list[Poles]) -> Poles:
