@@ -50,8 +50,8 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")
 
 @contextmanager
 def starting(output: Path, backend: Backend) -> Iterator[None]:
-    """Begin with what an earlier run into ``output`` has asked the device for, while the block reads
-    and imports the rest."""
+    """Begin with what an earlier run into ``output`` has asked the device for, while the block
+    reads and imports the rest."""
     if backend == "numpy":
         yield
         return
