@@ -242,8 +242,8 @@ class Figure:
 
 
 Drawing = Callable[[], Figure]
-"""Draws a figure, maybe in another process: something that can be pickled, as `functools.partial`
-of a module's function is."""
+"""Draws a figure: something that can be pickled, as `functools.partial` of a module's function is.
+By what is pickled one sees whether it has changed."""
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from gpusim.export.images import keep, save_image
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import Output, StageResult
-from gpusim.optics.change_detection import same_surfaces, unseen_change
+from gpusim.optics.change_detection import same_surfaces
 from gpusim.optics.frame import Frame
 from gpusim.optics.lens.exposure import photograph
 from gpusim.optics.lens.shutter import Shutter, SurfacesAt
@@ -72,8 +72,7 @@ def radiance(scene: Scene, inputs: Inputs, session: Session) -> Radiance:
     alike = last is not None and last[0] == seen_by and session.options.skip
     if last is not None and alike and not callable(surfaces):
         _, shown, drawn = last
-        sharp = camera.lens is None and shutter is None and not scene.lights
-        if same_surfaces(shown, surfaces) or (sharp and unseen_change(shown, surfaces, viewer)):
+        if same_surfaces(shown, surfaces):
             session.kept[name] = seen_by, surfaces, drawn
             return Radiance(drawn)
     del last  # its memory may be needed
