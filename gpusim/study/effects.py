@@ -57,14 +57,13 @@ class SobolIndices:
     points: int
 
 
-def response(table: SampleTable, quantity: str) -> tuple[Float, bool]:
+def response(table: SampleTable, quantity: tuple[str, str]) -> tuple[Float, bool]:
     """Of a quantity (S,): its error, or where nothing is true of it what was measured; and whether
     it is an error. NaN where there is none."""
-    name, unit = quantity.rsplit(" [", 1)
-    error = np.asarray(table[f"{name} error [{unit}"], np.float64)
+    error = np.asarray(table.of(quantity), np.float64)
     if np.isfinite(error).any():
         return error, True
-    return np.asarray(table[f"{name} measured [{unit}"], np.float64), False
+    return np.asarray(table.of(quantity, "measured"), np.float64), False
 
 
 def levels_of(table: SampleTable, parameter: str) -> Levels:
@@ -123,8 +122,9 @@ def sobol(values: Float, parameters: Sequence[str], seed: int = 0) -> SobolIndic
         points = np.full((len(values), 2), np.nan)
     rng = np.random.default_rng(seed)
     drawn = [_estimates(rng.choice(points, points.shape[1], axis=1)) for _ in range(_RESAMPLED)]
-    intervals = np.moveaxis(np.quantile(drawn, [0.025, 0.975], axis=0), 0, -1)
-    return SobolIndices(tuple(parameters), *_estimates(points), *intervals, count)
+    first, total = _estimates(points)
+    of_first, of_total = np.moveaxis(np.quantile(drawn, [0.025, 0.975], axis=0), 0, -1)
+    return SobolIndices(tuple(parameters), first, total, of_first, of_total, count)
 
 
 def _estimates(values: Float) -> Float:

@@ -30,6 +30,7 @@ from gpusim.study.effects import (
     sobol,
 )
 from gpusim.study.figures import draw_indices, draw_interaction, draw_main_effects, draw_scatter
+from gpusim.study.study_tables import Study
 from gpusim.study.table import SampleTable
 
 _MOST_QUANTITIES = 4
@@ -51,7 +52,7 @@ class Finding:
     the points are Saltelli's, ``drawings``, rows of the ``best`` points and the ``worst`` samples.
     """
 
-    quantity: str
+    quantity: tuple[str, str]
     is_error: bool
     whole: float
     effects: tuple[Effect, ...]
@@ -69,26 +70,19 @@ class Finding:
             }
             for one in self.effects
         }  # fmt: skip
-        return {"quantity": self.quantity, "rms_error" if self.is_error else "mean": self.whole,
-                "effects": effects, "sobol": self.indices, "best": self.best}  # fmt: skip
+        name, unit = self.quantity
+        return {
+            "quantity": name, "unit": unit, "rms_error" if self.is_error else "mean": self.whole,
+            "effects": effects, "sobol": self.indices, "best": self.best,
+        }  # fmt: skip
 
 
-def write_study_report(
-    name: str,
-    table: SampleTable,
-    out: PathLike,
-    pictures: Pictures,
-    saltelli: Sequence[Sequence[int]] = (),
-) -> Path:
-    """Write report.json, figures and report.html of a finished study; returns the page.
-
-    ``saltelli``: (P + 2, N) numbers of samples at Saltelli's points, for Sobol indices of the
-    distributed parameters; empty without them.
-    """
+def write_study_report(study: Study, table: SampleTable, out: PathLike, pictures: Pictures) -> Path:
+    """Write report.json, figures and report.html of a finished study; returns the page."""
     folder, status = Path(out), np.asarray(table["status"])
     figures = inside(folder, "figures")
     findings = [
-        _finding(table, quantity, figures, pictures, saltelli)
+        _finding(study, table, quantity, figures, pictures)
         for quantity in main_quantities(table.quantities)
     ]
     columns = _numbers(table, [one.quantity for one in findings])
@@ -98,8 +92,8 @@ def write_study_report(
         for k in np.flatnonzero(status != "done")
     ]
     told = {
-        "schema": 1, "version": __version__, "study": name, "samples": len(table),
-        "parameters": list(table.parameters),
+        "schema": 1, "version": __version__, "study": Path(study.source).stem,
+        "samples": len(table), "parameters": list(table.parameters),
         "counts": {state: int(np.sum(status == state)) for state in sorted(set(status.tolist()))},
         "findings": findings, "failures": failed, "seconds": float(np.nansum(table["seconds"])),
     }  # fmt: skip
@@ -115,28 +109,24 @@ def write_study_report(
     return write_text(inside(folder, "report.html"), page)
 
 
-def main_quantities(quantities: Sequence[str]) -> list[str]:
+def main_quantities(quantities: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
     """The first number of each measure, and its RMS errors, as many as a page can show."""
-    first: dict[str, str] = {}
+    first: dict[str, tuple[str, str]] = {}
     for one in quantities:
-        first.setdefault(one.split(": ")[0], one)
-    main = [one for one in quantities if one in first.values() or "RMS error" in one]
+        first.setdefault(one[0].split(": ")[0], one)
+    main = [one for one in quantities if one in first.values() or "RMS error" in one[0]]
     return main[:_MOST_QUANTITIES]
 
 
 def _finding(
-    table: SampleTable,
-    quantity: str,
-    folder: Path,
-    pictures: Pictures,
-    saltelli: Sequence[Sequence[int]],
+    study: Study, table: SampleTable, quantity: tuple[str, str], folder: Path, pictures: Pictures
 ) -> Finding:
     """Of one quantity."""
     values, is_error = response(table, quantity)
     levels = [levels_of(table, one) for one in table.parameters]
     effects = [effect(values, one, is_error) for one in levels if len(one.labels) > 1]
     effects.sort(key=lambda one: -one.share)
-    name, unit = quantity.removesuffix("]").rsplit(" [", 1)
+    name, unit = quantity
     what = "" if "RMS error" in name else ", RMS error" if is_error else ", mean"
     title = f"{name}{what} ({unit})".removesuffix(" ()")
     file = safe_name(name).lower()[:60]
@@ -150,8 +140,9 @@ def _finding(
         path = inside(folder, f"pair-{file}-{pair}.png")
         drawings.append(partial(draw_interaction, title, lines, other, path))
     indices = None
-    if len(saltelli):
-        indices = sobol(values[np.asarray(saltelli)], table.distributed)
+    if study.tables.sensitivity:
+        drawn = [one.label for one in study.tables.drawn]
+        indices = sobol(values.reshape(len(drawn) + 2, -1), drawn)  # as `design` has them
         drawings.append(partial(draw_indices, title, indices, inside(folder, f"sobol-{file}.png")))
     known = values[np.isfinite(values)]
     whole = np.nan
@@ -162,11 +153,11 @@ def _finding(
     return Finding(quantity, is_error, whole, tuple(effects), indices, tuple(drawings), best, worst)
 
 
-def _numbers(table: SampleTable, quantities: Sequence[str]) -> dict[str, Float]:
+def _numbers(table: SampleTable, quantities: Sequence[tuple[str, str]]) -> dict[str, Float]:
     """Parameters that are numbers and vary, and quantities."""
     varied = {one: table[one] for one in table.parameters if table[one].dtype.kind in "fiu"}
     columns = {one: column.astype(float) for one, column in varied.items() if np.ptp(column) > 0}
-    columns |= {one: response(table, one)[0] for one in quantities}
+    columns |= {f"{name} ({unit})": response(table, (name, unit))[0] for name, unit in quantities}
     return dict([*columns.items()][-_MOST_AXES:])
 
 
@@ -184,9 +175,9 @@ def _best(table: SampleTable, values: Float, is_rms: bool) -> list[dict[str, Any
     """Points with the least RMS error over their repeats; of one sample each that is luck, unless
     the response ``is_rms`` of many points itself."""
     points: dict[str, list[int]] = {}
-    for k in np.flatnonzero(np.isfinite(values)):
+    for k in np.flatnonzero(np.isfinite(values)).tolist():
         points.setdefault(_point(table, k), []).append(k)
-    rows = [
+    rows: list[dict[str, Any]] = [
         {"point": point, "value": float(np.sqrt(np.mean(values[own] ** 2))), "repeats": len(own)}
         for point, own in points.items()
     ]

@@ -63,13 +63,13 @@ def errors(size: int = 4000) -> tuple[SampleTable, np.ndarray]:
     has no bearing."""
     rng = np.random.default_rng(1)
     a, b = rng.choice([1.0, 2.0, 3.0], size), rng.random(size)
-    table = table_of({"a": a, "b": b}, {"m: e [mm]": a * rng.normal(size=size)})
+    table = table_of({"a": a, "b": b}, {("m: e", "mm"): a * rng.normal(size=size)})
     return table, a
 
 
 def test_main_effect_is_the_rms_error_at_each_level() -> None:
     table, _ = errors()
-    values, is_error = response(table, "m: e [mm]")
+    values, is_error = response(table, ("m: e", "mm"))
     strong, weak = (effect(values, levels_of(table, one), is_error) for one in ("a", "b"))
     assert strong.levels.labels == ("1", "2", "3")
     assert np.all(np.abs(strong.values - [1, 2, 3]) < 3 * strong.sigmas)
@@ -84,9 +84,9 @@ def test_main_effect_is_the_rms_error_at_each_level() -> None:
 
 def test_interaction_is_the_effect_at_each_level_of_the_other() -> None:
     table, a = errors()
-    values, _ = response(table, "m: e [mm]")
+    values, _ = response(table, ("m: e", "mm"))
     shape = np.where(a > 1.5, "coarse", "fine")
-    table = table_of({"a": a, "shape": shape}, {"m: e [mm]": values})
+    table = table_of({"a": a, "shape": shape}, {("m: e", "mm"): values})
     coarse, fine = interaction(values, levels_of(table, "a"), levels_of(table, "shape"), True)
     assert np.isnan(coarse.values[0]) and coarse.values[1] == pytest.approx(2, rel=0.1)
     assert fine.values[0] == pytest.approx(1, rel=0.1) and np.isnan(fine.values[1:]).all()
@@ -94,7 +94,9 @@ def test_interaction_is_the_effect_at_each_level_of_the_other() -> None:
 
 
 def test_what_has_no_truth_is_told_by_its_mean() -> None:
-    table = table_of({"a": np.array([1.0, 1.0, 2.0, 2.0])}, {}, {"m: f [Hz]": [1.0, 3.0, 5.0, 5.0]})
-    values, is_error = response(table, "m: f [Hz]")
+    table = table_of(
+        {"a": np.array([1.0, 1.0, 2.0, 2.0])}, {}, {("m: f", "Hz"): [1.0, 3.0, 5.0, 5.0]}
+    )
+    values, is_error = response(table, ("m: f", "Hz"))
     assert not is_error
     np.testing.assert_allclose(effect(values, levels_of(table, "a"), is_error).values, [2.0, 5.0])
