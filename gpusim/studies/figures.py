@@ -12,7 +12,7 @@ from gpusim.arrays.array_types import Float
 from gpusim.files.atomic_files import PathLike
 from gpusim.report.model import Figure
 from gpusim.report.style import GOOD, MEASURED, MUTED, TRUTH, axis_title, draw_png, named
-from gpusim.study.effects import Effect, Levels, SobolIndices
+from gpusim.studies.effects import Effect, Levels, SobolIndices
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

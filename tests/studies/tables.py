@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gpusim.study.table import SampleTable, column_name
+from gpusim.studies.table import SampleTable, column_name
 
 Columns = Mapping[tuple[str, str], Any]
 

@@ -20,7 +20,7 @@ from gpusim.report.figure_store import FigureStore
 from gpusim.report.html import page_template
 from gpusim.report.model import Drawing
 from gpusim.report.text import plain_data
-from gpusim.study.effects import (
+from gpusim.studies.effects import (
     Effect,
     SobolIndices,
     effect,
@@ -29,9 +29,9 @@ from gpusim.study.effects import (
     response,
     sobol,
 )
-from gpusim.study.figures import draw_indices, draw_interaction, draw_main_effects, draw_scatter
-from gpusim.study.study_tables import Study
-from gpusim.study.table import SampleTable
+from gpusim.studies.figures import draw_indices, draw_interaction, draw_main_effects, draw_scatter
+from gpusim.studies.study_tables import Study
+from gpusim.studies.table import SampleTable
 
 _MOST_QUANTITIES = 4
 _STRONGEST = 3

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
-from gpusim.study.table import SampleTable
+from gpusim.studies.table import SampleTable
 
 MOST_LEVELS = 8
 """Of a parameter: more values are put into so many groups of equal size."""

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import qmc, sobol_indices
 
-from gpusim.study.effects import MOST_LEVELS, effect, interaction, levels_of, response, sobol
-from gpusim.study.table import SampleTable
-from tests.study.tables import table_of
+from gpusim.studies.effects import MOST_LEVELS, effect, interaction, levels_of, response, sobol
+from gpusim.studies.table import SampleTable
+from tests.studies.tables import table_of
 
 
 def ishigami(x: np.ndarray) -> np.ndarray:
