@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import combinations
+from itertools import combinations, groupby
 from pathlib import Path
 from typing import Any
 
@@ -110,12 +110,13 @@ def write_study_report(study: Study, table: SampleTable, out: PathLike, pictures
 
 
 def main_quantities(quantities: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
-    """The first number of each measure, and its RMS errors, as many as a page can show."""
-    first: dict[str, tuple[str, str]] = {}
-    for one in quantities:
-        first.setdefault(one[0].split(": ")[0], one)
-    main = [one for one in quantities if one in first.values() or "RMS error" in one[0]]
-    return main[:_MOST_QUANTITIES]
+    """Of each measure its RMS errors, or its first number if there are none, as many as a page can
+    show."""
+    found: list[tuple[str, str]] = []
+    for _, own in groupby(quantities, lambda one: one[0].split(": ")[0]):
+        some = [*own]
+        found += [one for one in some if "RMS" in one[0] and "beyond" not in one[0]] or some[:1]
+    return found[:_MOST_QUANTITIES]
 
 
 def _finding(
