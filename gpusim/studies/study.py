@@ -93,21 +93,21 @@ def work_off(
     """Make what ``out`` doesn't have of the samples."""
     rows = read_rows(out, samples)
     final = {number: row["status"] for number, row in rows.items() if row["status"] in FINAL}
-    left = [sample for sample in samples if sample.number not in final]
+    new = [sample for sample in samples if sample.number not in final]
+    refused = [sample for sample in new if sample.refused]
+    left = [sample for sample in new if not sample.refused]
+    plan = study_plan(study, left)
+    pool = _pool(study, out, workers, scheduler, plan) if left else None
     write_text(inside(out, COPY), study_text(study))
     log = RowLog(out)
-    for sample in left:
-        if sample.refused:
-            log.add(sample, "refused", sample.refused)
-            final[sample.number] = "refused"
+    for sample in refused:
+        log.add(sample, "refused", sample.refused)
+        final[sample.number] = "refused"
     log.close()
-    left = [sample for sample in left if not sample.refused]
     bar = _Bar(len(samples), Counter(final.values()), progress)
     bar(Counter())
-    if not left:
+    if pool is None:
         return
-    plan = study_plan(study, left)
-    pool = _pool(study, out, workers, scheduler, plan)
     client = Client(study, left, plan.structures.tolist(), out, pool, bar)
     if isinstance(pool, Here):
         pool.worker.log.told = client.look
