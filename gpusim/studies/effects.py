@@ -74,11 +74,13 @@ def levels_of(table: SampleTable, parameter: str) -> Levels:
         labels, of = np.unique(texts, return_inverse=True)
         return Levels(parameter, tuple(labels), np.arange(len(labels), dtype=float), of, False)
     places, of = np.unique(values.astype(float), return_inverse=True)
+    digits = 6
     if len(places) > MOST_LEVELS:
+        digits = 3
         edges = np.quantile(values, np.linspace(0.0, 1.0, MOST_LEVELS + 1)[1:-1])
         of = np.unique(np.searchsorted(edges, values), return_inverse=True)[1]
         places = np.bincount(of, values) / np.bincount(of)
-    return Levels(parameter, tuple(f"{one:.4g}" for one in places), places, of)
+    return Levels(parameter, tuple(f"{one:.{digits}g}" for one in places), places, of)
 
 
 def effect(values: Float, levels: Levels, is_error: bool) -> Effect:

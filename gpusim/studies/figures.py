@@ -25,7 +25,9 @@ _ACROSS = 4
 """Plots beside each other."""
 
 
-def draw_main_effects(title: str, effects: Sequence[Effect], path: PathLike) -> Figure:
+def draw_main_effects(
+    title: str, y_label: str, effects: Sequence[Effect], path: PathLike
+) -> Figure:
     """Draw a response over the levels of each parameter, strongest first."""
     rows = -(-len(effects) // _ACROSS)
     across = min(len(effects), _ACROSS)
@@ -38,16 +40,16 @@ def draw_main_effects(title: str, effects: Sequence[Effect], path: PathLike) -> 
         for axes in plots[len(effects) :]:
             axes.remove()
         for axes in plots[::across]:
-            axes.set_ylabel(named(title))
+            axes.set_ylabel(named(y_label))
 
-    draw_png(path, (max(2.6 * across, 4.2), 2.7 * rows), draw)
+    draw_png(path, (max(2.6 * across, 7.2), 2.9 * rows), draw)
     caption = "Bars are standard uncertainties. In brackets: the share of the variance of all "
     caption += "samples that lies between the levels."
     return Figure(Path(path), f"{title}: one parameter at a time", caption)
 
 
 def draw_interaction(
-    title: str, effects: Sequence[Effect], other: Levels, path: PathLike
+    title: str, y_label: str, effects: Sequence[Effect], other: Levels, path: PathLike
 ) -> Figure:
     """Draw a response over the levels of one parameter, a line for each level of the other."""
 
@@ -55,7 +57,7 @@ def draw_interaction(
         axes = canvas.subplots()
         for one, colour, label in zip(effects, _COLOURS, other.labels, strict=False):
             _draw_effect(axes, one, colour, named(label))
-        axes.set(xlabel=named(effects[0].levels.parameter), ylabel=named(title))
+        axes.set(xlabel=named(effects[0].levels.parameter), ylabel=named(y_label))
         canvas.legend(title=named(other.parameter), loc="outside right upper")
 
     draw_png(path, (7.2, 3.4), draw)
@@ -70,6 +72,9 @@ def _draw_effect(axes: Axes, effect: Effect, colour: str, label: str = "") -> No
         style["linestyle"] = "none"
     axes.errorbar(levels.places, effect.values, np.nan_to_num(effect.sigmas), capsize=2,
                   label=label, **style)  # fmt: skip
+    if levels.are_numbers and levels.places[0] > 0.0 and levels.places[-1] > 8 * levels.places[0]:
+        axes.set_xscale("log")
+        axes.xaxis.set_minor_formatter("")
     if not levels.are_numbers or len(levels.labels) <= 4:
         axes.set_xticks(levels.places, [named(one[:_LABEL]) for one in levels.labels])
 

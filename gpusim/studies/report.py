@@ -82,8 +82,8 @@ def write_study_report(study: Study, table: SampleTable, out: PathLike, pictures
     folder, status = Path(out), np.asarray(table["status"])
     figures = inside(folder, "figures")
     findings = [
-        _finding(study, table, quantity, figures, pictures)
-        for quantity in main_quantities(table.quantities)
+        _finding(study, table, quantity, figures, (lambda number: None) if k else pictures)
+        for k, quantity in enumerate(main_quantities(table.quantities))
     ]
     columns = _numbers(table, [one.quantity for one in findings])
     scatter = [partial(draw_scatter, columns, inside(figures, "all.png"))] if columns else []
@@ -128,23 +128,22 @@ def _finding(
     effects = [effect(values, one, is_error) for one in levels if len(one.labels) > 1]
     effects.sort(key=lambda one: -one.share)
     name, unit = quantity
-    what = "" if "RMS error" in name else ", RMS error" if is_error else ", mean"
-    title = f"{name}{what} ({unit})".removesuffix(" ()")
+    label = f"{'RMS error' if is_error else 'Mean'} ({unit})".removesuffix(" ()")
     file = safe_name(name).lower()[:60]
     drawings: list[Drawing] = []
     if effects:
         path = inside(folder, f"effects-{file}.png")
-        drawings.append(partial(draw_main_effects, title, effects, path))
+        drawings.append(partial(draw_main_effects, name, label, effects, path))
     for one, other in combinations([one.levels for one in effects[:_STRONGEST]], 2):
         lines = interaction(values, one, other, is_error)
         pair = safe_name(f"{one.parameter}-{other.parameter}").lower()[:60]
         path = inside(folder, f"pair-{file}-{pair}.png")
-        drawings.append(partial(draw_interaction, title, lines, other, path))
+        drawings.append(partial(draw_interaction, name, label, lines, other, path))
     indices = None
     if study.tables.sensitivity:
         drawn = [one.label for one in study.tables.drawn]
         indices = sobol(values.reshape(len(drawn) + 2, -1), drawn)  # as `design` has them
-        drawings.append(partial(draw_indices, title, indices, inside(folder, f"sobol-{file}.png")))
+        drawings.append(partial(draw_indices, name, indices, inside(folder, f"sobol-{file}.png")))
     known = values[np.isfinite(values)]
     whole = np.nan
     if len(known):
@@ -168,7 +167,7 @@ def _point(table: SampleTable, k: int) -> str:
     for parameter in table.parameters:
         value = table[parameter][k]
         is_number = isinstance(value, float | np.floating)
-        texts.append(f"{parameter} = {f'{value:.4g}' if is_number else value}")
+        texts.append(f"{parameter} = {f'{value:.6g}' if is_number else value}")
     return ", ".join(texts)
 
 
