@@ -40,7 +40,7 @@ _MOST_AXES = 7
 """Of the plot of all against all."""
 _SHOWN = 5
 """Rows of best points and worst samples."""
-_MOST_FAILURES = 50
+_MOST_FAILURES = 30
 
 Pictures = Callable[[int], Path | None]
 """A picture of a sample, by its number in the table; None if there is none."""
@@ -87,22 +87,22 @@ def write_study_report(study: Study, table: SampleTable, out: PathLike, pictures
     ]
     columns = _numbers(table, [one.quantity for one in findings])
     scatter = [partial(draw_scatter, columns, inside(figures, "all.png"))] if columns else []
-    failed = [
-        {"sample": int(table["sample"][k]), "status": str(status[k]), "error": table["error"][k]}
-        for k in np.flatnonzero(status != "done")
-    ]
+    failed: dict[tuple[str, str], list[int]] = {}
+    for k in np.flatnonzero(status != "done"):
+        failed.setdefault((str(status[k]), str(table["error"][k])), []).append(int(k))
+    failures = [{"status": key[0], "error": key[1], "samples": own} for key, own in failed.items()]
     told = {
         "schema": 1, "version": __version__, "study": Path(study.source).stem,
         "samples": len(table), "parameters": list(table.parameters),
         "counts": {state: int(np.sum(status == state)) for state in sorted(set(status.tolist()))},
-        "findings": findings, "failures": failed, "seconds": float(np.nansum(table["seconds"])),
+        "findings": findings, "failures": failures, "seconds": float(np.nansum(table["seconds"])),
     }  # fmt: skip
     write_text(inside(folder, "report.json"), json.dumps(plain_data(told), indent=2) + "\n")
     store = FigureStore(figures)
     begun = [[store.begin(one) for one in finding.drawings] for finding in findings]
     last = [store.begin(one) for one in scatter]
     page = page_template("study.html.j2").render(
-        told | {"failures": failed[:_MOST_FAILURES], "failed": len(failed)},
+        told, failed=sum(map(len, failed.values())), most=_MOST_FAILURES,
         figures=[[draw() for draw in some] for some in begun], last=[draw() for draw in last],
     )  # fmt: skip
     store.keep()
