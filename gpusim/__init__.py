@@ -40,6 +40,7 @@ Its parts, in the order in which they import each other:
 - `visualization`: Bodies in the colours of a field, and what is drawn over pictures.
 - `report`: What a run found.
 - `pipeline`: From a scene to an output folder.
+- `studies`: Many states of one scene, and the table of what was measured.
 - `notebook`: Tables, pictures and plots for notebooks.
 - `view`: The preview window.
 - `bench`: Run time against error, on this machine.
@@ -134,6 +135,8 @@ if _typing.TYPE_CHECKING:
     from gpusim.report import Report as Report
     from gpusim.scene import Scene as Scene
     from gpusim.scene import load_scene as load_scene
+    from gpusim.studies import load_study as load_study
+    from gpusim.studies.study import study as study
     from gpusim.surface import Atlas as Atlas
     from gpusim.surface import CylinderFrame as CylinderFrame
     from gpusim.surface import PaintFrame as PaintFrame
@@ -172,6 +175,8 @@ _HOMES = {
     "gpusim.pipeline.scene_solution": "solve",
     "gpusim.report": "Report",
     "gpusim.scene": "Scene load_scene",
+    "gpusim.studies": "load_study",
+    "gpusim.studies.study": "study",
     "gpusim.surface": "Atlas CylinderFrame PaintFrame Skin Surface paint",
 }
 __all__, __getattr__, __dir__ = _public_names(__name__, _HOMES)

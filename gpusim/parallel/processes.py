@@ -19,9 +19,11 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from multiprocessing.connection import Connection
 from typing import Any, ParamSpec, TypeVar
 
@@ -261,3 +263,34 @@ def _serve_copy(
         answer.send(found)
     finally:
         os._exit(0)  # nothing that belongs to the device is taken down
+
+
+# a pool beside this process
+
+
+def start_pool(count: int, modules: Sequence[str], env: Mapping[str, str]) -> Any:
+    """An executor (loky's) of ``count`` processes that import ``modules`` and end with this one."""
+    import loky  # takes 0.1 s, and few programs need it
+    from loky.backend import resource_tracker
+
+    # it would list the semaphores of a caller that was killed, and cleans them up all the same
+    sys.warnoptions.append("ignore:resource_tracker:UserWarning")
+    resource_tracker.ensure_running()
+    sys.warnoptions.pop()
+    with _interrupts_held():
+        return loky.ProcessPoolExecutor(
+            count, initializer=_begin_helper, initargs=(os.getpid(), modules), env=dict(env)
+        )
+
+
+def _begin_helper(caller: int, modules: Sequence[str]) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the caller ends it
+    threading.Thread(target=_end_without, args=(caller,), daemon=True).start()
+    for module in modules:
+        import_module(module)
+
+
+def _end_without(caller: int) -> None:
+    while os.getppid() == caller:
+        time.sleep(0.5)
+    os._exit(1)
