@@ -1,0 +1,268 @@
+"""A data set, written: items of pictures and labels, loose or in shards, and what tells of them."""
+
+from __future__ import annotations
+
+import io
+import json
+import tarfile
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import groupby
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import cv2
+import numpy as np
+
+from gpusim._version import __version__
+from gpusim.export.images import encoded_picture
+from gpusim.files.output_folder import inside
+from gpusim.graph.folder import INNER
+from gpusim.graph.stage import digest
+from gpusim.graph.store import Store
+from gpusim.study.dataset.card import card_text
+from gpusim.study.dataset.dataset_folder import Content, DatasetFolder
+from gpusim.study.dataset_table import OF_POINTS, DatasetTable
+from gpusim.study.dataset.label_files import label_bytes
+from gpusim.study.dataset.point_labels import LabelledPicture, bop_scene, coco_keypoints
+from gpusim.study.dataset.sample_results import SampleResults
+from gpusim.study.dataset.splits import CropWindow, crop_windows, split_of_structures
+from gpusim.study.rows import Row
+from gpusim.study.samples import Sample
+from gpusim.study.study_tables import Study
+from gpusim.study.table import column_files, column_of
+from gpusim.validation import require
+
+_FROM_FRAME_0 = "flow", "forward_flow", "displacement", "visibility"
+"""Layers that say nothing of frame 0 itself."""
+_ABOUT = "about all items"
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class DatasetItem:
+    """A part (``window``) of some ``frames`` of a ``camera`` of one sample."""
+
+    name: str
+    results: SampleResults
+    camera: str
+    frames: tuple[int, ...]
+    window: CropWindow
+    split: str = ""
+
+    def facts(self) -> dict[str, Any]:
+        """What it is made of, as the manifest and its own JSON file say it."""
+        sample = self.results.sample
+        return {
+            "item": self.name, "split": self.split, "sample": sample.number,
+            "repeat": sample.repeat, "structure": self.results.structure[:16],
+            "camera": self.camera, "frames": " ".join(map(str, self.frames)),
+            **{f"crop_{key}": value for key, value in self.window._asdict().items()},
+            **{f"parameter.{name}": value for name, value in sample.values.items()},
+        }  # fmt: skip
+
+    def digest(self, table: DatasetTable) -> str:
+        """What its files depend on."""
+        made = table.labels, table.flow_format, self.results.key(self.camera)
+        return digest([__version__, *made, self.facts()])
+
+
+def write_dataset(
+    study: Study,
+    samples: Sequence[Sample],
+    rows: Mapping[int, Row],
+    out: Path,
+    progress: Progress | None = None,
+) -> Path | None:
+    """Make the data set of a study from the results of its samples that are done.
+
+    What lies there already isn't written again. ``out``: the study's folder, which has the store
+    of results; ``progress`` hears of units (items, or shards) that are there, and of how many.
+
+    Returns
+    -------
+    ``out``/dataset; None for a study without ``[dataset]``.
+
+    Raises
+    ------
+    InputError
+        A sample whose pictures are smaller than the crops.
+    GpusimError
+        The store lacks what a sample has made, or the disk is full.
+
+    Examples
+    --------
+    >>> from gpusim.study import load_study, samples_of
+    >>> from gpusim.study.dataset import write_dataset
+    >>> _ = open("study.toml", "w").write('scene = "bar.toml"')
+    >>> write_dataset(load_study("study.toml"), [], {}, Path("out")) is None
+    True
+    """
+    table = study.tables.dataset
+    if table is None:
+        return None
+    store = Store(inside(out, INNER))
+    done = [one for one in samples if rows.get(one.number, {}).get("status") == "done"]
+    items = dataset_items(table, [SampleResults(study, one, store) for one in done])
+    folder = DatasetFolder(out)
+    digests, files = dict[str, str](), dict[str, list[str]]()
+    units = list(_units(items, table.shards))
+    for number, (unit, own) in enumerate(units):
+        digests[unit] = digest([one.digest(table) for one in own])
+        if not folder.holds(unit, digests[unit]):
+            folder.put(unit, digests[unit], _unit_files(unit, own, table))
+        if own[-1].results is not units[min(number + 1, len(units) - 1)][1][0].results:
+            own[-1].results.forget()
+        if progress is not None:
+            progress(number + 1, len(units))
+    digests[_ABOUT] = digest([digests, table.model_dump(mode="json"), len(samples)])
+    if not folder.holds(_ABOUT, digests[_ABOUT]):
+        folder.put(_ABOUT, digests[_ABOUT], _about(study, table, units, len(samples)))
+    folder.keep(digests)
+    return folder.root
+
+
+def dataset_items(table: DatasetTable, results: Sequence[SampleResults]) -> list[DatasetItem]:
+    """All items of the samples' results, split by split, in their order."""
+    items = []
+    for own in results:
+        sample, later = own.sample, range(1, own.frames)
+        shown = [(0, k) for k in later] if table.items == "pairs" else [tuple(range(own.frames))]
+        for camera in table.cameras or tuple(own.resolutions):
+            wide, high = own.resolutions[camera]
+            width, height = table.crop_px or (wide, high)
+            what = f"[dataset] crop_px, sample {sample.number}, camera {camera!r}"
+            fits = width <= wide and height <= high
+            require(fits, what, f"{width} x {height}", f"at most {wide} x {high}")
+            for frames in shown:
+                name = f"{sample.number:06d}-{camera}-{frames[-1]:04d}"
+                windows = crop_windows((wide, high), table.crop_px, table.crops, table.seed, name)
+                items += [
+                    DatasetItem(f"{name}-{number:03d}", own, camera, frames, window)
+                    for number, window in enumerate(windows)
+                ]
+    splits = split_of_structures([one.results.structure for one in items], table.splits, table.seed)
+    placed = [replace(one, split=splits[one.results.structure]) for one in items]
+    order = [*table.splits]
+    return sorted(placed, key=lambda one: order.index(one.split))
+
+
+def _units(
+    items: Sequence[DatasetItem], shards: int | None
+) -> Iterator[tuple[str, Sequence[DatasetItem]]]:
+    """Items that are written together: one, or those of a shard, a tar file of that name."""
+    for split, group in groupby(items, key=lambda one: one.split):
+        own = list(group)
+        for first in range(0, len(own), shards or 1):
+            part = own[first : first + (shards or 1)]
+            name = f"{first // shards:06d}.tar" if shards else part[0].name
+            yield f"{split}/{name}", part
+
+
+def _unit_files(
+    unit: str, items: Sequence[DatasetItem], table: DatasetTable
+) -> Mapping[str, Content]:
+    if table.shards:
+        return {unit: partial(_write_shard, items, table)}
+    (item,) = items
+    return {f"{item.split}/{name}": data for name, data in item_files(item, table).items()}
+
+
+def _write_shard(items: Sequence[DatasetItem], table: DatasetTable, stream: BinaryIO) -> None:
+    """A tar file whose bytes depend on nothing but the items."""
+    with tarfile.TarFile(fileobj=stream, mode="w", format=tarfile.USTAR_FORMAT) as shard:
+        for item in _in_turn(items):
+            for name, data in item_files(item, table).items():
+                entry = tarfile.TarInfo(name)
+                entry.size = len(data)
+                shard.addfile(entry, io.BytesIO(data))
+
+
+def _in_turn(items: Iterable[DatasetItem]) -> Iterator[DatasetItem]:
+    """Items one after the other, with what was read of one sample at a time."""
+    results = None
+    for item in items:
+        if results is not None and results is not item.results:
+            results.forget()
+        results = item.results
+        yield item
+
+
+def item_files(item: DatasetItem, table: DatasetTable) -> dict[str, bytes]:
+    """The files of an item by name: pictures and layers of each of its frames, and a JSON file."""
+    files, facts = {}, item.facts()
+    pointed = any(label in OF_POINTS for label in table.labels)
+    for place, frame in enumerate(item.frames):
+        picture = item.results.picture(item.camera, frame)
+        files[f"{item.name}.{place}{item.results.suffix}"] = _cut(picture, item)
+        for layer in table.layers:
+            if place or layer not in _FROM_FRAME_0:
+                values = item.results.layer(item.camera, frame, layer, item.window)
+                ending, data = label_bytes(layer, values, table.flow_format)
+                files[f"{item.name}.{place}.{layer}.{ending}"] = data
+    if pointed:
+        objects = item.results.labels["objects"]
+        facts["pictures"] = [
+            {"K": one.K.tolist(), "distortion": one.labels["cameras"][one.camera]["distortion"],
+             "objects": [
+                 {"name": known["name"], "camera_from_object_m": pose.tolist(),
+                  "keypoints": rows.tolist()}
+                 for known, pose, rows in zip(objects, one.poses, one.keypoints, strict=True)
+             ]}
+            for one in _pictures(item)
+        ]  # fmt: skip
+    files[f"{item.name}.json"] = json.dumps(facts).encode()
+    return files
+
+
+def _cut(data: bytes, item: DatasetItem) -> bytes:
+    """A part of a picture's file; the file itself where that is the whole."""
+    left, top, width, height = item.window
+    if (width, height) == item.results.resolutions[item.camera]:
+        return data
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    part = image[top : top + height, left : left + width]
+    return encoded_picture(part[..., ::-1] if part.ndim == 3 else part, item.results.suffix)
+
+
+def _pictures(item: DatasetItem) -> Iterator[LabelledPicture]:
+    for place, frame in enumerate(item.frames):
+        file = f"{item.name}.{place}{item.results.suffix}"
+        yield LabelledPicture(file, item.camera, frame, item.window, item.results.labels)
+
+
+def _about(
+    study: Study,
+    table: DatasetTable,
+    units: Sequence[tuple[str, Sequence[DatasetItem]]],
+    samples: int,
+) -> dict[str, Content]:
+    """Manifest, card, and what COCO and BOP have in one file for all pictures of a split."""
+    every = [(unit, item) for unit, own in units for item in own]
+    lines = [{**one.facts(), "file": unit if table.shards else f"{unit}.json"}
+             for unit, one in every]  # fmt: skip
+    files: dict[str, Content] = {}
+    if lines:
+        columns = {name: column_of([line[name] for line in lines]) for name in lines[0]}
+        files |= column_files("manifest", columns)
+    counts = {}
+    for split in table.splits:
+        own = [item for _, item in every if item.split == split]
+        counts[split] = (
+            len(own), len({one.results.structure for one in own}),
+            len({one.results.sample.number for one in own}),
+        )  # fmt: skip
+        contents = {}
+        if "keypoints" in table.labels:
+            contents["coco_keypoints.json"] = coco_keypoints(_all_pictures(own))
+        if "poses" in table.labels:
+            contents["scene_camera.json"], contents["scene_gt.json"] = bop_scene(_all_pictures(own))
+        files |= {f"{split}/{name}": json.dumps(one).encode() for name, one in contents.items()}
+    files["README.md"] = card_text(study, table, counts, samples, [*files]).encode()
+    return files
+
+
+def _all_pictures(items: Sequence[DatasetItem]) -> Iterator[LabelledPicture]:
+    for item in _in_turn(items):
+        yield from _pictures(item)
