@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -19,6 +18,10 @@ OF_POINTS = ("keypoints", "poses")
 """Labels that are no layers of truth.h5."""
 _UNIT = 1e-9
 """By which shares may miss 1 in all, through rounding."""
+
+
+def _usual_shares() -> dict[str, float]:
+    return {"train": 0.8, "val": 0.1, "test": 0.1}
 
 
 class DatasetTable(Table):
@@ -50,9 +53,7 @@ class DatasetTable(Table):
     """How many of each item, at random places; "grid": as many as lie side by side."""
     seed: Seed = 0
     """Of the places of crops, and of which structure comes into which split."""
-    splits: Annotated[dict[Name, Share], Field(min_length=1)] = {
-        "train": 0.8, "val": 0.1, "test": 0.1,
-    }  # fmt: skip
+    splits: Annotated[dict[Name, Share], Field(min_length=1, default_factory=_usual_shares)]
     """Shares of items, 1 in all. What has the same structure is never in two of them."""
     shards: Count | None = None
     """Items in a tar file, as WebDataset reads them; without it files lie loose."""
@@ -71,19 +72,17 @@ class DatasetTable(Table):
         """The labels that are layers of truth.h5."""
         return tuple(label for label in self.labels if label not in OF_POINTS)
 
-    def views(self, scene: Scene) -> tuple[str, ...]:
-        """The cameras that are taken, by name."""
-        return self.cameras or tuple(camera.name for camera in scene.cameras)
-
-    def overrides(self, scene: Scene) -> Mapping[str, Any]:
-        """Keys of a scene by which its samples make what the labels are taken from."""
-        truth = [*scene.output.truth]
-        truth += [layer for layer in self.layers if layer not in truth]
+    def labelled(self, scene: Scene) -> Scene:
+        """The scene, with all that the labels are taken from. Raises InputError for one that has no
+        such pictures."""
+        self._check_scene(scene)
+        truth = list(dict.fromkeys((*scene.output.truth, *self.layers)))
         pointed = any(label in OF_POINTS for label in self.labels)
-        return {"output.truth": truth, "output.labels": scene.output.labels or pointed}
+        asked = {"output.truth": truth, "output.labels": scene.output.labels or pointed}
+        own, files = scene.document, scene.files
+        return Scene.from_document(own, source=scene.source, overrides=asked, files=files)
 
-    def check(self, scene: Scene) -> None:
-        """Raises InputError for a scene that has no such pictures."""
+    def _check_scene(self, scene: Scene) -> None:
         what, known = "[dataset]", {camera.name: camera for camera in scene.cameras}
         unknown = [name for name in self.cameras if name not in known]
         require(not unknown, f"{what} cameras", unknown, f"some of {list(known)}")
@@ -92,7 +91,7 @@ class DatasetTable(Table):
         require(count > 1, what, f"{count} frame", "a scene of two frames or more")
         bodies = bool(scene.bodies) or not self.layers
         require(bodies, f"{what} labels", f"{list(self.layers)} of no [[body]]", "a scene with one")
-        for name in self.views(scene):
+        for name in self.cameras or known:
             wide, high = known[name].resolution
             crop = self.crop_px or (wide, high)
             what_crop = f"{what} crop_px, camera {name!r}"

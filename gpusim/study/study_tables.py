@@ -18,6 +18,7 @@ from gpusim.scene.faults.faults import faults_of, unread
 from gpusim.scene.faults.key_paths import key_lines
 from gpusim.scene.tables.table import Count, Listed, Pair, Seed, Table, fault
 from gpusim.scene.toml_text import parse_toml
+from gpusim.study.dataset_table import DatasetTable
 from gpusim.study.expressions import FUNCTIONS
 
 DISTRIBUTIONS = "uniform", "log_uniform", "normal", "log_normal"
@@ -157,6 +158,9 @@ class StudyTable(Table):
     constraint: Annotated[tuple[ConstraintTable, ...], Listed()] = ()
     """What samples have to fulfil."""
 
+    dataset: DatasetTable | None = None
+    """A data set that is made of the samples' pictures and truth."""
+
     @property
     def drawn(self) -> tuple[ParameterTable, ...]:
         """Parameters with a distribution."""
@@ -231,6 +235,8 @@ def load_study(path: str | PathLike[str]) -> Study:
         names = ", ".join(one.name for one in scene.variants)
         expected = "a scene without: list what they set as a [[parameter]]"
         raise InputError(f"{place}: scene has variants; got {names}; expected {expected}")
+    if tables.dataset is not None:
+        scene = tables.dataset.labelled(scene)
     return Study(tables, scene, place.parent.absolute(), str(place))
 
 

@@ -9,6 +9,7 @@ rest, as paint does.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,8 @@ from gpusim.scene.frames import FrameTable
 from gpusim.surface import PaintFrame, Surface
 
 FILE = "labels.json"
+_PITCHES = "pitch", "cell", "square"
+"""Of dots, checkers and ChArUco boards."""
 
 
 def labels(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
@@ -45,13 +48,14 @@ def labels(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
         objects.append({"name": owner.name, "kind": kind, "points": names})
         places.append(np.array([place for _, place in named]).reshape(-1, 3))
     points = _on_surfaces(motion.surfaces(None), places)
-    content = {"cameras": _cameras(scene, motion), "objects": objects, "frames": []}
+    states: list[dict[str, Any]] = []
     for number in range(len(frames)):
         inputs.progress(number / len(frames), f"frame {number}")
-        seen = {camera.name: _keypoints(motion, points, camera.name, number)
+        seen = {camera.name: _keypoints(motion, points, camera.name, number).tolist()
                 for camera in scene.cameras}  # fmt: skip
         poses = [rigid_motion(one.rest, one.points).tolist() for one in motion.surfaces(number)]
-        content["frames"].append({"poses": poses, "keypoints": seen})
+        states.append({"poses": poses, "keypoints": seen})
+    content = {"cameras": _cameras(scene, motion), "objects": objects, "frames": states}
     return StageResult({FILE: json.dumps(content).encode()}, words=f"{len(points)} points")
 
 
@@ -90,18 +94,17 @@ def _points(paint: m.Paint, surface: Surface) -> list[tuple[str, Float]]:
         frame = surface.frames[paint.name]
         if not isinstance(frame, PaintFrame):  # round a cylinder
             return []
-        dots = isinstance(paint, m.DotsTable)
-        pitch = paint.pitch if dots else paint.size if paint.type == "checker" else paint.square
-        t, s = np.indices((paint.rows, paint.columns)).reshape(2, -1) if dots else (
-            1 + np.indices((paint.rows - 1, paint.columns - 1)).reshape(2, -1))  # fmt: skip
-        found = list(np.array(paint.places[0]) + pitch * (
-            s[:, None] * frame.s_axis + t[:, None] * frame.t_axis))  # fmt: skip
+        inner = not isinstance(paint, m.DotsTable)
+        t, s = np.indices((paint.rows - inner, paint.columns - inner)).reshape(2, -1, 1) + inner
+        pitch = next(getattr(paint, key) for key in _PITCHES if hasattr(paint, key))
+        first = np.array(paint.places[0])
+        found = list(first + pitch * (s * frame.s_axis + t * frame.t_axis))
     else:
         return []
     return [(f"{paint.name}-{number:02d}", place) for number, place in enumerate(found, start=1)]
 
 
-def _on_surfaces(surfaces: list[Surface], places: list[Float]) -> MaterialPoints:
+def _on_surfaces(surfaces: Sequence[Surface], places: Sequence[Float]) -> MaterialPoints:
     """Places (P, 3) of each surface as points of its triangles."""
     parts, first = [], 0
     for number, (surface, own) in enumerate(zip(surfaces, places, strict=True)):
@@ -115,10 +118,10 @@ def _on_surfaces(surfaces: list[Surface], places: list[Float]) -> MaterialPoints
     return MaterialPoints(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def _keypoints(motion: TrueMotion, points: MaterialPoints, camera: str, frame: int) -> list[Any]:
+def _keypoints(motion: TrueMotion, points: MaterialPoints, camera: str, frame: int) -> Float:
     """Rows x, y, visibility as COCO has it: 2 seen, 1 hidden, 0 outside the picture."""
     lens, at = motion.camera(camera), motion.pixels(points, camera, frame)
     with np.errstate(invalid="ignore"):
         inside = np.all((at >= -0.5) & (at < [lens.width - 0.5, lens.height - 0.5]), axis=1)
     level = np.where(inside, 1 + motion.visible(points, camera, frame), 0)
-    return np.column_stack([np.where(inside[:, None], at, 0.0), level]).tolist()
+    return np.column_stack([np.where(inside[:, None], at, 0.0), level])

@@ -101,7 +101,6 @@ def _write_frames(
     cells = _cell_of_face(objects)
     rest = {spec.name: sight(objects, spec, frames, None, session) for spec in scene.cameras}
     forward = ForwardFlow(objects) if "forward_flow" in wanted else None
-    wanted = [layer for layer in wanted if layer != "forward_flow"]
     for number, factor, _, shown in frames:
         progress(number / len(frames), f"frame {number}")
         moved = not shown.still
@@ -117,7 +116,7 @@ def _write_frames(
                 if not len(band.row):
                     continue
                 place = band.row + window.top, band.column + window.left
-                for layer in wanted:
+                for layer in (one for one in wanted if one != "forward_flow"):
                     frame.write_sparse(layer, *place, _values(layer, band, before, others, cells))
             if forward is not None:
                 frame.write_sparse("forward_flow", *forward.of(spec.name, number))

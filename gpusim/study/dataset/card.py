@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from gpusim._version import __version__
 from gpusim.graph.stage import digest
+from gpusim.pipeline.pictures.file_names import image_name
 from gpusim.study.dataset_table import DatasetTable
 from gpusim.study.study_tables import Study
 
@@ -14,7 +16,8 @@ _FLOW = {
     "flo": "Middlebury's .flo, float32; 1e10 where nothing is known",
     "kitti": "KITTI's PNG of 16 bit: (red - 32768) / 64, (green - 32768) / 64, blue 1 where it is "
     "known. Rounded to 1/64 px, so off by up to 1/128 px; of 512 px and more it isn't known",
-    "tiff": "TIFF of float32 with three samples a pixel: u, v, and 1 where they are known (else NaN, NaN, 0)",
+    "tiff": "TIFF of float32 with three samples a pixel: u, v, and 1 where they are known (else "
+    "NaN, NaN, 0)",
 }
 _MEANING = {
     "flow": "px, from a pixel of this picture back to where its material point is in the unloaded "
@@ -51,10 +54,10 @@ def card_text(
     """The card, README.md: ``counts`` of items, structures and samples by split, ``samples`` of the
     study, ``files`` beside it."""
     manifest = next((name for name in files if name.endswith(".parquet")), "manifest.csv")
-    tables = study.tables
+    tables, suffix = study.tables, Path(image_name(study.scene, "", 0)).suffix
     seeds = f"design {tables.seed}, crops and splits {table.seed}"
     if tables.repeats > 1:
-        seeds += f"; {', '.join(tables.seeds)} count up over {tables.repeats} repeats"
+        seeds += f"; {', '.join(tables.seeds)}: one more for each of {tables.repeats} repeats"
     content = [tables.model_dump(mode="json", by_alias=True), study.scene.digest()]
     used = sum(own for _, _, own in counts.values())
     crop = "whole" if table.crop_px is None else (
@@ -64,7 +67,8 @@ def card_text(
         f"# {study.scene.name}: {table.items}, {crop}",
         "",
         f"Made by gpusim {__version__} (Python {platform.python_version()}) from "
-        f"{used} of {samples} samples of a study; the others were refused, or came to nothing.",
+        f"{used} of {samples} samples of a study"
+        f"{'' if used == samples else '; the others were refused or came to nothing'}.",
         f"Seeds: {seeds}. Study and scene: SHA-256 `{digest(content)}`.",
         "",
         "| split | share | items | structures | samples |", "|---|---|---|---|---|",
@@ -73,7 +77,7 @@ def card_text(
         "",
         "No structure (bodies and what they are solved for) is in two splits.",
         "",
-        f"An item `NAME` is `NAME.0{{picture}}`, `NAME.1{{picture}}`, ... (frames of one camera in "
+        f"An item `NAME` is `NAME.0{suffix}`, `NAME.1{suffix}`, ... (frames of one camera in "
         "their order), `NAME.K.LABEL.*` of the K-th picture, and `NAME.json`. "
         + (f"{table.shards} items lie in a tar file, as WebDataset reads them."
            if table.shards else "They lie in the folder of their split."),
@@ -85,4 +89,4 @@ def card_text(
           for label in table.labels),
         "",
     ]  # fmt: skip
-    return "\n".join(lines).replace("{picture}", ".png or .tif")
+    return "\n".join(lines)

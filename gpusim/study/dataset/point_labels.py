@@ -63,7 +63,8 @@ def coco_keypoints(pictures: Iterable[LabelledPicture]) -> dict[str, Any]:
     >>> list(coco_keypoints([]))
     ['info', 'images', 'annotations', 'categories']
     """
-    images, annotations, categories = [], [], {}
+    images, annotations = list[dict[str, Any]](), list[dict[str, Any]]()
+    categories: dict[Any, dict[str, Any]] = {}
     for number, picture in enumerate(pictures):
         size = {"width": picture.window.width, "height": picture.window.height}
         images.append({"id": number, "file_name": picture.file, **size})
@@ -101,7 +102,7 @@ def bop_scene(pictures: Iterable[LabelledPicture]) -> tuple[dict[str, Any], dict
     >>> bop_scene([])
     ({}, {})
     """
-    cameras, truth, known = {}, {}, dict[str, int]()
+    cameras, truth, known = dict[str, Any](), dict[str, Any](), dict[str, int]()
     for number, picture in enumerate(pictures):
         own = picture.labels["cameras"][picture.camera]
         world = np.array(own["camera_from_world"])

@@ -5,15 +5,16 @@ from __future__ import annotations
 import json
 from functools import cached_property
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import h5py
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import GpusimError
 from gpusim.export.layers import LAYERS
 from gpusim.files.atomic_files import safe_name
+from gpusim.files.input_file import InputFile
 from gpusim.graph.graph import Graph
 from gpusim.graph.stage import digest
 from gpusim.graph.store import Record, Store
@@ -53,24 +54,21 @@ class SampleResults:
         names = (f"picture/{camera}", "truth", "labels")
         return [key for name in names for key in self._keys.get(name, ())]
 
-    def picture(self, camera: str, frame: int) -> bytes:
+    def picture(self, camera: str, frame: int) -> InputFile:
         """A picture's file."""
         record = self._record(f"picture/{camera}", frame)
         (name,) = record.files
-        return self._store.read(record, name).data
+        return self._store.read(record, name)
 
-    def layer(
-        self, camera: str, frame: int, layer: str, window: CropWindow
-    ) -> npt.NDArray[np.generic]:
+    def layer(self, camera: str, frame: int, layer: str, window: CropWindow) -> Float:
         """A part of a layer of truth.h5, (h, w) or (h, w, k)."""
         left, top, width, height = window
         group = self._truth[f"camera/{safe_name(camera)}/frame/{frame:04d}"]
         if layer in group:
-            values = group[layer][top : top + height, left : left + width]
-            return cast("npt.NDArray[np.generic]", values)
+            return np.asarray(group[layer][top : top + height, left : left + width], np.float64)
         known = LAYERS[layer]  # of a frame that sees no body
         shape = (height, width, known.components)[: 2 + (known.components > 1)]
-        return np.full(shape, known.fill, known.dtype)
+        return np.full(shape, known.fill)
 
     @cached_property
     def labels(self) -> dict[str, Any]:

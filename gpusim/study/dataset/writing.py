@@ -12,22 +12,20 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, BinaryIO
 
-import cv2
-import numpy as np
-
 from gpusim._version import __version__
-from gpusim.export.images import encoded_picture
+from gpusim.export.images import encoded_picture, read_image
+from gpusim.files.input_file import InputFile
 from gpusim.files.output_folder import inside
 from gpusim.graph.folder import INNER
 from gpusim.graph.stage import digest
 from gpusim.graph.store import Store
 from gpusim.study.dataset.card import card_text
 from gpusim.study.dataset.dataset_folder import Content, DatasetFolder
-from gpusim.study.dataset_table import OF_POINTS, DatasetTable
 from gpusim.study.dataset.label_files import label_bytes
 from gpusim.study.dataset.point_labels import LabelledPicture, bop_scene, coco_keypoints
 from gpusim.study.dataset.sample_results import SampleResults
 from gpusim.study.dataset.splits import CropWindow, crop_windows, split_of_structures
+from gpusim.study.dataset_table import OF_POINTS, DatasetTable
 from gpusim.study.rows import Row
 from gpusim.study.samples import Sample
 from gpusim.study.study_tables import Study
@@ -106,7 +104,7 @@ def write_dataset(
     done = [one for one in samples if rows.get(one.number, {}).get("status") == "done"]
     items = dataset_items(table, [SampleResults(study, one, store) for one in done])
     folder = DatasetFolder(out)
-    digests, files = dict[str, str](), dict[str, list[str]]()
+    digests: dict[str, str] = {}
     units = list(_units(items, table.shards))
     for number, (unit, own) in enumerate(units):
         digests[unit] = digest([one.digest(table) for one in own])
@@ -216,14 +214,13 @@ def item_files(item: DatasetItem, table: DatasetTable) -> dict[str, bytes]:
     return files
 
 
-def _cut(data: bytes, item: DatasetItem) -> bytes:
+def _cut(file: InputFile, item: DatasetItem) -> bytes:
     """A part of a picture's file; the file itself where that is the whole."""
     left, top, width, height = item.window
     if (width, height) == item.results.resolutions[item.camera]:
-        return data
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    part = image[top : top + height, left : left + width]
-    return encoded_picture(part[..., ::-1] if part.ndim == 3 else part, item.results.suffix)
+        return file.data
+    part = read_image(file)[top : top + height, left : left + width]
+    return encoded_picture(part, item.results.suffix)
 
 
 def _pictures(item: DatasetItem) -> Iterator[LabelledPicture]:
