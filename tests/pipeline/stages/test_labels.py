@@ -59,7 +59,11 @@ def test_points_of_each_paint_move_with_their_prop(
     })  # fmt: skip
     labels = labels_of(scene, tmp_path)
     (target,) = labels["objects"]
-    assert (target["name"], target["kind"], len(target["points"])) == ("target", "prop", len(wanted))
+    assert (target["name"], target["kind"], len(target["points"])) == (
+        "target",
+        "prop",
+        len(wanted),
+    )
     camera, places = PlainCamera(), np.array(wanted).reshape(-1, 3)
     x, y, z = (np.radians(angle) for angle in poses[1]["rotation_deg"])
     turn = cv2.Rodrigues(np.array([0.0, 0.0, z]))[0] @ cv2.Rodrigues(np.array([0.0, y, 0.0]))[0]
@@ -98,8 +102,13 @@ def test_markers_of_a_body_go_with_its_solution(tmp_path: Path) -> None:
 def test_points_are_told_hidden_or_outside(tmp_path: Path) -> None:
     dots = {"type": "dots", "diameter_mm": 2.0, "pitch_mm": 10.0, "columns": 4, "rows": 1,
             "origin_mm": [5.0, 0.0, 15.0]}  # fmt: skip
-    cover = {"name": "cover", "center_mm": [16.0, -20.0, 15.0], "normal": [0.0, -1.0, 0.0],
-             "size_mm": [4.0, 40.0], "paint": [{"name": "c", "type": "plain", "albedo": 0.5}]}
+    cover = {
+        "name": "cover",
+        "center_mm": [16.0, -20.0, 15.0],
+        "normal": [0.0, -1.0, 0.0],
+        "size_mm": [4.0, 40.0],
+        "paint": [{"name": "c", "type": "plain", "albedo": 0.5}],
+    }
     scene = Scene.from_document({
         **DOCUMENT, "body": [], "prop": [board("target", dots), cover], "output": {"labels": True},
         "sensor": {"exposure": 0.5},

@@ -21,9 +21,9 @@ from gpusim.graph.store import Record, Store
 from gpusim.pipeline.pictures.file_names import image_name
 from gpusim.plan.scene_stages import scene_stages
 from gpusim.plan.stages import RunOptions
-from gpusim.study.dataset.splits import CropWindow
-from gpusim.study.samples import Sample
-from gpusim.study.study_tables import Study
+from gpusim.studies.dataset.splits import CropWindow
+from gpusim.studies.samples import Sample
+from gpusim.studies.study_tables import Study
 
 
 class SampleResults:

@@ -29,7 +29,7 @@ def split_of_structures(
 
     Examples
     --------
-    >>> from gpusim.study.dataset.splits import split_of_structures
+    >>> from gpusim.studies.dataset.splits import split_of_structures
     >>> split_of_structures(["a", "b", "b"], {"train": 0.6, "test": 0.4})
     {'b': 'train', 'a': 'test'}
     """
@@ -55,7 +55,7 @@ def crop_windows(
 
     Examples
     --------
-    >>> from gpusim.study.dataset.splits import crop_windows
+    >>> from gpusim.studies.dataset.splits import crop_windows
     >>> [tuple(one) for one in crop_windows((70, 32), (32, 32), "grid", 0, "bar")]
     [(3, 0, 32, 32), (35, 0, 32, 32)]
     """

@@ -19,17 +19,17 @@ from gpusim.files.output_folder import inside
 from gpusim.graph.folder import INNER
 from gpusim.graph.stage import digest
 from gpusim.graph.store import Store
-from gpusim.study.dataset.card import card_text
-from gpusim.study.dataset.dataset_folder import Content, DatasetFolder
-from gpusim.study.dataset.label_files import label_bytes
-from gpusim.study.dataset.point_labels import LabelledPicture, bop_scene, coco_keypoints
-from gpusim.study.dataset.sample_results import SampleResults
-from gpusim.study.dataset.splits import CropWindow, crop_windows, split_of_structures
-from gpusim.study.dataset_table import OF_POINTS, DatasetTable
-from gpusim.study.rows import Row
-from gpusim.study.samples import Sample
-from gpusim.study.study_tables import Study
-from gpusim.study.table import column_files, column_of
+from gpusim.studies.dataset.card import card_text
+from gpusim.studies.dataset.dataset_folder import Content, DatasetFolder
+from gpusim.studies.dataset.label_files import label_bytes
+from gpusim.studies.dataset.point_labels import LabelledPicture, bop_scene, coco_keypoints
+from gpusim.studies.dataset.sample_results import SampleResults
+from gpusim.studies.dataset.splits import CropWindow, crop_windows, split_of_structures
+from gpusim.studies.dataset_table import OF_POINTS, DatasetTable
+from gpusim.studies.rows import Row
+from gpusim.studies.samples import Sample
+from gpusim.studies.study_tables import Study
+from gpusim.studies.table import column_files, column_of
 from gpusim.validation import require
 
 _FROM_FRAME_0 = "flow", "forward_flow", "displacement", "visibility"
@@ -91,8 +91,8 @@ def write_dataset(
 
     Examples
     --------
-    >>> from gpusim.study import load_study, samples_of
-    >>> from gpusim.study.dataset import write_dataset
+    >>> from gpusim.studies import load_study, samples_of
+    >>> from gpusim.studies.dataset import write_dataset
     >>> _ = open("study.toml", "w").write('scene = "bar.toml"')
     >>> write_dataset(load_study("study.toml"), [], {}, Path("out")) is None
     True

@@ -11,10 +11,10 @@ In the order in which data passes:
 """
 
 from gpusim.public_names import public_names as _public_names
-from gpusim.study.samples import Sample as Sample
-from gpusim.study.samples import samples_of as samples_of
-from gpusim.study.study_tables import Study as Study
-from gpusim.study.study_tables import load_study as load_study
-from gpusim.study.table import SampleTable as SampleTable
+from gpusim.studies.samples import Sample as Sample
+from gpusim.studies.samples import samples_of as samples_of
+from gpusim.studies.study_tables import Study as Study
+from gpusim.studies.study_tables import load_study as load_study
+from gpusim.studies.table import SampleTable as SampleTable
 
 __all__, __getattr__, __dir__ = _public_names(__name__)

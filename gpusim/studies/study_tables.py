@@ -18,8 +18,8 @@ from gpusim.scene.faults.faults import faults_of, unread
 from gpusim.scene.faults.key_paths import key_lines
 from gpusim.scene.tables.table import Count, Listed, Pair, Seed, Table, fault
 from gpusim.scene.toml_text import parse_toml
-from gpusim.study.dataset_table import DatasetTable
-from gpusim.study.expressions import FUNCTIONS
+from gpusim.studies.dataset_table import DatasetTable
+from gpusim.studies.expressions import FUNCTIONS
 
 DISTRIBUTIONS = "uniform", "log_uniform", "normal", "log_normal"
 _POSITIVE = "log_uniform", "log_normal"
@@ -190,13 +190,15 @@ class StudyTable(Table):
 @dataclass(frozen=True)
 class Study:
     """A study that was read: its ``tables``, the base ``scene``, the ``folder`` of the study's
-    file, its name (``source``), and the ``backend`` that it is made by ("gpu" or "numpy")."""
+    file, its name (``source``), the ``backend`` that it is made by ("gpu" or "numpy"), and whether
+    each sample's ``truth`` is made (truth.h5 and labels.json, as far as the scene asks for them)."""
 
     tables: StudyTable
     scene: Scene
     folder: Path
     source: str = "study"
     backend: str = "gpu"
+    truth: bool = False
 
 
 def load_study(path: str | PathLike[str]) -> Study:
@@ -207,7 +209,7 @@ def load_study(path: str | PathLike[str]) -> Study:
 
     Examples
     --------
-    >>> from gpusim.study import load_study
+    >>> from gpusim.studies import load_study
     >>> _ = open("study.toml", "w").write('''scene = "bar.toml"
     ... samples = 4
     ... [[parameter]]
@@ -237,7 +239,8 @@ def load_study(path: str | PathLike[str]) -> Study:
         raise InputError(f"{place}: scene has variants; got {names}; expected {expected}")
     if tables.dataset is not None:
         scene = tables.dataset.labelled(scene)
-    return Study(tables, scene, place.parent.absolute(), str(place))
+    truth = tables.dataset is not None
+    return Study(tables, scene, place.parent.absolute(), str(place), truth=truth)
 
 
 def _schema() -> dict[str, Any]:

@@ -27,7 +27,7 @@ def flo_bytes(flow: Float) -> bytes:
 
     Examples
     --------
-    >>> from gpusim.study.dataset.label_files import flo_bytes
+    >>> from gpusim.studies.dataset.label_files import flo_bytes
     >>> flo_bytes(np.zeros((1, 1, 2)))
     b'PIEH\\x01\\x00\\x00\\x00\\x01\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00'
     """
@@ -45,7 +45,7 @@ def kitti_bytes(flow: Float) -> bytes:
 
     Examples
     --------
-    >>> from gpusim.study.dataset.label_files import kitti_bytes
+    >>> from gpusim.studies.dataset.label_files import kitti_bytes
     >>> kitti_bytes(np.zeros((1, 1, 2)))[1:4]
     b'PNG'
     """
@@ -66,7 +66,7 @@ def label_bytes(layer: str, values: Float, flow_format: str) -> tuple[str, bytes
 
     Examples
     --------
-    >>> from gpusim.study.dataset.label_files import label_bytes
+    >>> from gpusim.studies.dataset.label_files import label_bytes
     >>> label_bytes("depth", np.ones((2, 3), np.float32), "flo")[0]
     'tiff'
     """

@@ -9,8 +9,8 @@ from pathlib import Path
 from gpusim._version import __version__
 from gpusim.graph.stage import digest
 from gpusim.pipeline.pictures.file_names import image_name
-from gpusim.study.dataset_table import DatasetTable
-from gpusim.study.study_tables import Study
+from gpusim.studies.dataset_table import DatasetTable
+from gpusim.studies.study_tables import Study
 
 _FLOW = {
     "flo": "Middlebury's .flo, float32; 1e10 where nothing is known",

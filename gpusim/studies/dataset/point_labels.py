@@ -14,7 +14,7 @@ import numpy as np
 
 from gpusim._version import __version__
 from gpusim.arrays.array_types import Float
-from gpusim.study.dataset.splits import CropWindow
+from gpusim.studies.dataset.splits import CropWindow
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def coco_keypoints(pictures: Iterable[LabelledPicture]) -> dict[str, Any]:
 
     Examples
     --------
-    >>> from gpusim.study.dataset.point_labels import coco_keypoints
+    >>> from gpusim.studies.dataset.point_labels import coco_keypoints
     >>> list(coco_keypoints([]))
     ['info', 'images', 'annotations', 'categories']
     """
@@ -98,7 +98,7 @@ def bop_scene(pictures: Iterable[LabelledPicture]) -> tuple[dict[str, Any], dict
 
     Examples
     --------
-    >>> from gpusim.study.dataset.point_labels import bop_scene
+    >>> from gpusim.studies.dataset.point_labels import bop_scene
     >>> bop_scene([])
     ({}, {})
     """

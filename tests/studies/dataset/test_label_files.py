@@ -14,7 +14,7 @@ import tifffile
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
-from gpusim.study.dataset.label_files import flo_bytes, kitti_bytes, label_bytes
+from gpusim.studies.dataset.label_files import flo_bytes, kitti_bytes, label_bytes
 from tests.support.flow_readers import read_flo, read_kitti
 
 

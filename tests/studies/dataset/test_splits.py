@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from gpusim.study.dataset.splits import crop_windows, split_of_structures
+from gpusim.studies.dataset.splits import crop_windows, split_of_structures
 
 SHARES = {"train": 0.8, "val": 0.1, "test": 0.1}
 

@@ -12,6 +12,6 @@ In the order in which data passes:
 """
 
 from gpusim.public_names import public_names as _public_names
-from gpusim.study.dataset.writing import write_dataset as write_dataset
+from gpusim.studies.dataset.writing import write_dataset as write_dataset
 
 __all__, __getattr__, __dir__ = _public_names(__name__)
