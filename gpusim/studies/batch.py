@@ -31,11 +31,8 @@ TRIES = 3
 def targets(study: Study, scene: Scene) -> set[str]:
     """The stages that a sample is made for; what pages and other programs show isn't among them."""
     names = {f"picture/{one.name}" for one in scene.cameras} | {"geometry"}
-    return (
-        names
-        | {f"measure/{one.name}" for one in scene.measures}
-        | {*["truth", "labels"] * study.truth}
-    )
+    names |= {*["truth", "labels"] * study.truth}
+    return names | {f"measure/{one.name}" for one in scene.measures}
 
 
 class Worker:

@@ -191,7 +191,7 @@ class StudyTable(Table):
 class Study:
     """A study that was read: its ``tables``, the base ``scene``, the ``folder`` of the study's
     file, its name (``source``), the ``backend`` that it is made by ("gpu" or "numpy"), and whether
-    each sample's ``truth`` is made (truth.h5 and labels.json, as far as the scene asks for them)."""
+    each sample's ``truth`` is made (truth.h5, labels.json; as far as the scene asks for it)."""
 
     tables: StudyTable
     scene: Scene

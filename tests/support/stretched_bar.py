@@ -31,24 +31,24 @@ DOCUMENT: dict[str, Any] = {
         "paint": [{"name": "speckle", "type": "speckle", "where": {"normal": "-y"}, "albedo": 0.8,
                    "diameter_mm": 2.5, "softness_mm": 0.4}],
     }],
-    "prop": [{"name": "board", "center_mm": [30.0, 5.0, -12.0], "normal": [0.0, -1.0, 0.0],
+    "prop": [{"name": "board", "center_mm": [30.0, 5.0, -7.0], "normal": [0.0, -1.0, 0.0],
               "size_mm": [64.0, 12.0],
-              "poses": [{"position_mm": [30.0, 5.0, -12.0]},
-                        {"position_mm": [32.0, 1.0, -11.0], "rotation_deg": [5.0, 3.0, 20.0]}],
+              "poses": [{"position_mm": [30.0, 5.0, -7.0]},
+                        {"position_mm": [32.0, 1.0, -6.5], "rotation_deg": [5.0, 3.0, 20.0]}],
               "paint": [{"name": "fields", "type": "checker", "albedo": 0.9, "cell_mm": 4.0,
-                         "columns": 12, "rows": 3, "origin_mm": [6.0, 5.0, -18.0]}]}],
+                         "columns": 12, "rows": 3, "origin_mm": [6.0, 5.0, -13.0]}]}],
     "camera": [{"name": "front", "sensor_mm": [9.6, 4.8], "resolution_px": list(RESOLUTION),
                 "focal_mm": 40.0, "position_mm": [30.0, -300.0, 15.0],
-                "target_mm": [30.0, 0.0, 10.0]}],
+                "target_mm": [30.0, 0.0, 7.0]}],
     "solver": {"method": "direct"},
     "sensor": {"exposure": "auto", "full_well_e": 10000.0, "read_noise_e": 3.0},
 }  # fmt: skip
 
 
-def write_study(folder: Path, text: str) -> Path:
-    """A study of the bar; ``text``: all but the scene's name."""
+def write_study(folder: Path, text: str, **changes: Any) -> Path:
+    """A study of the bar; ``text``: all but the scene's name; ``changes`` of the scene's tables."""
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "bar.toml").write_text(toml_text(DOCUMENT), encoding="utf-8")
+    (folder / "bar.toml").write_text(toml_text(DOCUMENT | changes), encoding="utf-8")
     path = folder / "study.toml"
     path.write_text(f'scene = "bar.toml"\n{text}', encoding="utf-8")
     return path
@@ -59,7 +59,7 @@ class PlainCamera:
     """A pinhole camera (mm, px) at ``position`` that looks at ``target``, z up."""
 
     position: tuple[float, float, float] = (30.0, -300.0, 15.0)
-    target: tuple[float, float, float] = (30.0, 0.0, 10.0)
+    target: tuple[float, float, float] = (30.0, 0.0, 7.0)
 
     @property
     def axes(self) -> Float:

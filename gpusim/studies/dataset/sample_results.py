@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
-from functools import cached_property
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import h5py
 import numpy as np
@@ -26,16 +27,35 @@ from gpusim.studies.samples import Sample
 from gpusim.studies.study_tables import Study
 
 
+class OpenedSample(ExitStack):
+    """What was read of one sample, until something of another is: a data set of many takes no more
+    memory than that of a few."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._number, self._values = -1, dict[str, Any]()
+
+    def value(self, number: int, name: str, read: Callable[[], Any]) -> Any:
+        """Something of the sample of that ``number``, read if it isn't there."""
+        if number != self._number:
+            self.close()
+            self._number, self._values = number, {}
+        if name not in self._values:
+            self._values[name] = read()
+        return self._values[name]
+
+
 class SampleResults:
     """Results of a ``sample`` of a study, found in a ``store`` by their keys.
 
     ``structure``: the same for samples whose bodies are the same and loaded alike (nothing that is
     solved for differs; where nothing is, neither meshes nor motions nor props); ``resolutions`` px
     of the cameras by name; ``frames``: how many; ``suffix``: that of pictures, with its dot.
+    ``opened`` is shared by all samples of a data set.
     """
 
-    def __init__(self, study: Study, sample: Sample, store: Store) -> None:
-        self.sample, self._store = sample, store
+    def __init__(self, study: Study, sample: Sample, store: Store, opened: OpenedSample) -> None:
+        self.sample, self._store, self._opened = sample, store, opened
         scene, graph = sample.scene(study), Graph()
         graph.add(scene_stages(scene, RunOptions(study.backend)).stages)
         self._keys = graph.records[""]
@@ -63,30 +83,26 @@ class SampleResults:
     def layer(self, camera: str, frame: int, layer: str, window: CropWindow) -> Float:
         """A part of a layer of truth.h5, (h, w) or (h, w, k)."""
         left, top, width, height = window
-        group = self._truth[f"camera/{safe_name(camera)}/frame/{frame:04d}"]
+        truth = self._opened.value(self.sample.number, "truth", self._truth)
+        group = truth[f"camera/{safe_name(camera)}/frame/{frame:04d}"]
         if layer in group:
             return np.asarray(group[layer][top : top + height, left : left + width], np.float64)
         known = LAYERS[layer]  # of a frame that sees no body
         shape = (height, width, known.components)[: 2 + (known.components > 1)]
         return np.full(shape, known.fill)
 
-    @cached_property
+    @property
     def labels(self) -> dict[str, Any]:
         """labels.json."""
+        return cast(dict[str, Any], self._opened.value(self.sample.number, "labels", self._labels))
+
+    def _labels(self) -> dict[str, Any]:
         content = self._store.read(self._record("labels"), "labels.json").data
-        labels: dict[str, Any] = json.loads(content)
-        return labels
+        return cast(dict[str, Any], json.loads(content))
 
-    @cached_property
     def _truth(self) -> h5py.File:
-        return h5py.File(self._store.open(self._record("truth"), "truth.h5"), "r")
-
-    def forget(self) -> None:
-        """Let go of what was read."""
-        vars(self).pop("labels", None)
-        if "_truth" in vars(self):
-            self._truth.close()
-            del self._truth
+        stream = self._opened.enter_context(self._store.open(self._record("truth"), "truth.h5"))
+        return self._opened.enter_context(h5py.File(stream, "r"))
 
     def _record(self, stage: str, number: int = 0) -> Record:
         record = self._store.find(self._keys[stage][number])

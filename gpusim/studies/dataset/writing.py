@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 import tarfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import groupby
@@ -23,7 +23,7 @@ from gpusim.studies.dataset.card import card_text
 from gpusim.studies.dataset.dataset_folder import Content, DatasetFolder
 from gpusim.studies.dataset.label_files import label_bytes
 from gpusim.studies.dataset.point_labels import LabelledPicture, bop_scene, coco_keypoints
-from gpusim.studies.dataset.sample_results import SampleResults
+from gpusim.studies.dataset.sample_results import OpenedSample, SampleResults
 from gpusim.studies.dataset.splits import CropWindow, crop_windows, split_of_structures
 from gpusim.studies.dataset_table import OF_POINTS, DatasetTable
 from gpusim.studies.rows import Row
@@ -100,23 +100,20 @@ def write_dataset(
     table = study.tables.dataset
     if table is None:
         return None
-    store = Store(inside(out, INNER))
+    store, folder, digests = Store(inside(out, INNER)), DatasetFolder(out), dict[str, str]()
     done = [one for one in samples if rows.get(one.number, {}).get("status") == "done"]
-    items = dataset_items(table, [SampleResults(study, one, store) for one in done])
-    folder = DatasetFolder(out)
-    digests: dict[str, str] = {}
-    units = list(_units(items, table.shards))
-    for number, (unit, own) in enumerate(units):
-        digests[unit] = digest([one.digest(table) for one in own])
-        if not folder.holds(unit, digests[unit]):
-            folder.put(unit, digests[unit], _unit_files(unit, own, table))
-        if own[-1].results is not units[min(number + 1, len(units) - 1)][1][0].results:
-            own[-1].results.forget()
-        if progress is not None:
-            progress(number + 1, len(units))
-    digests[_ABOUT] = digest([digests, table.model_dump(mode="json"), len(samples)])
-    if not folder.holds(_ABOUT, digests[_ABOUT]):
-        folder.put(_ABOUT, digests[_ABOUT], _about(study, table, units, len(samples)))
+    with OpenedSample() as opened:
+        results = [SampleResults(study, one, store, opened) for one in done]
+        units = list(_units(dataset_items(table, results), table.shards))
+        for number, (unit, own) in enumerate(units, start=1):
+            digests[unit] = digest([one.digest(table) for one in own])
+            if not folder.holds(unit, digests[unit]):
+                folder.put(unit, digests[unit], _unit_files(unit, own, table))
+            if progress is not None:
+                progress(number, len(units))
+        digests[_ABOUT] = digest([digests, table.model_dump(mode="json"), len(samples)])
+        if not folder.holds(_ABOUT, digests[_ABOUT]):
+            folder.put(_ABOUT, digests[_ABOUT], _about(study, table, units, len(samples)))
     folder.keep(digests)
     return folder.root
 
@@ -170,21 +167,11 @@ def _unit_files(
 def _write_shard(items: Sequence[DatasetItem], table: DatasetTable, stream: BinaryIO) -> None:
     """A tar file whose bytes depend on nothing but the items."""
     with tarfile.TarFile(fileobj=stream, mode="w", format=tarfile.USTAR_FORMAT) as shard:
-        for item in _in_turn(items):
+        for item in items:
             for name, data in item_files(item, table).items():
                 entry = tarfile.TarInfo(name)
                 entry.size = len(data)
                 shard.addfile(entry, io.BytesIO(data))
-
-
-def _in_turn(items: Iterable[DatasetItem]) -> Iterator[DatasetItem]:
-    """Items one after the other, with what was read of one sample at a time."""
-    results = None
-    for item in items:
-        if results is not None and results is not item.results:
-            results.forget()
-        results = item.results
-        yield item
 
 
 def item_files(item: DatasetItem, table: DatasetTable) -> dict[str, bytes]:
@@ -208,7 +195,7 @@ def item_files(item: DatasetItem, table: DatasetTable) -> dict[str, bytes]:
                   "keypoints": rows.tolist()}
                  for known, pose, rows in zip(objects, one.poses, one.keypoints, strict=True)
              ]}
-            for one in _pictures(item)
+            for one in _pictures([item])
         ]  # fmt: skip
     files[f"{item.name}.json"] = json.dumps(facts).encode()
     return files
@@ -223,10 +210,11 @@ def _cut(file: InputFile, item: DatasetItem) -> bytes:
     return encoded_picture(part, item.results.suffix)
 
 
-def _pictures(item: DatasetItem) -> Iterator[LabelledPicture]:
-    for place, frame in enumerate(item.frames):
-        file = f"{item.name}.{place}{item.results.suffix}"
-        yield LabelledPicture(file, item.camera, frame, item.window, item.results.labels)
+def _pictures(items: Sequence[DatasetItem]) -> Iterator[LabelledPicture]:
+    for item in items:
+        for place, frame in enumerate(item.frames):
+            file = f"{item.name}.{place}{item.results.suffix}"
+            yield LabelledPicture(file, item.camera, frame, item.window, item.results.labels)
 
 
 def _about(
@@ -252,14 +240,9 @@ def _about(
         )  # fmt: skip
         contents = {}
         if "keypoints" in table.labels:
-            contents["coco_keypoints.json"] = coco_keypoints(_all_pictures(own))
+            contents["coco_keypoints.json"] = coco_keypoints(_pictures(own))
         if "poses" in table.labels:
-            contents["scene_camera.json"], contents["scene_gt.json"] = bop_scene(_all_pictures(own))
+            contents["scene_camera.json"], contents["scene_gt.json"] = bop_scene(_pictures(own))
         files |= {f"{split}/{name}": json.dumps(one).encode() for name, one in contents.items()}
     files["README.md"] = card_text(study, table, counts, samples, [*files]).encode()
     return files
-
-
-def _all_pictures(items: Sequence[DatasetItem]) -> Iterator[LabelledPicture]:
-    for item in _in_turn(items):
-        yield from _pictures(item)
