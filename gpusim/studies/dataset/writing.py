@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 import tarfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import groupby
@@ -19,8 +19,9 @@ from gpusim.files.output_folder import inside
 from gpusim.graph.folder import INNER
 from gpusim.graph.stage import digest
 from gpusim.graph.store import Store
+from gpusim.pipeline.runner.stage_log import Progress, silent
 from gpusim.studies.dataset.card import card_text
-from gpusim.studies.dataset.dataset_folder import Content, DatasetFolder
+from gpusim.studies.dataset.dataset_folder import NAME, Content, DatasetFolder
 from gpusim.studies.dataset.label_files import label_bytes
 from gpusim.studies.dataset.point_labels import LabelledPicture, bop_scene, coco_keypoints
 from gpusim.studies.dataset.sample_results import OpenedSample, SampleResults
@@ -35,7 +36,6 @@ from gpusim.validation import require
 _FROM_FRAME_0 = "flow", "forward_flow", "displacement", "visibility"
 """Layers that say nothing of frame 0 itself."""
 _ABOUT = "about all items"
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,12 +71,12 @@ def write_dataset(
     samples: Sequence[Sample],
     rows: Mapping[int, Row],
     out: Path,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> Path | None:
     """Make the data set of a study from the results of its samples that are done.
 
     What lies there already isn't written again. ``out``: the study's folder, which has the store
-    of results; ``progress`` hears of units (items, or shards) that are there, and of how many.
+    of results; ``progress`` is called with ("dataset", done 0..1, text).
 
     Returns
     -------
@@ -109,8 +109,8 @@ def write_dataset(
             digests[unit] = digest([one.digest(table) for one in own])
             if not folder.holds(unit, digests[unit]):
                 folder.put(unit, digests[unit], _unit_files(unit, own, table))
-            if progress is not None:
-                progress(number, len(units))
+            kind = "shards" if table.shards else "items"
+            progress(NAME, number / len(units), f"{number} of {len(units)} {kind}")
         digests[_ABOUT] = digest([digests, table.model_dump(mode="json"), len(samples)])
         if not folder.holds(_ABOUT, digests[_ABOUT]):
             folder.put(_ABOUT, digests[_ABOUT], _about(study, table, units, len(samples)))

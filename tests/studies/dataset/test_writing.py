@@ -8,7 +8,6 @@ import json
 import tarfile
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +17,11 @@ import pyarrow.dataset
 import pytest
 import tifffile
 
+import gpusim as gs
 from gpusim.errors import GpusimError, InputError, SceneError
-from gpusim.studies import Study, load_study, samples_of
-from gpusim.studies.batch import Worker
+from gpusim.studies import load_study, samples_of
 from gpusim.studies.dataset import write_dataset
+from gpusim.studies.dataset.card import card_text
 from gpusim.studies.rows import read_rows
 from tests.support.flow_readers import read_flo, read_kitti
 from tests.support.stretched_bar import (
@@ -33,7 +33,7 @@ from tests.support.stretched_bar import (
 )
 
 PARAMETERS = """
-repeats = 2
+backend = "numpy"
 [[parameter]]
 key = "body.bar.load.pull.traction_MPa"
 list = [[10.0, 0.0, 0.0], [20.0, 0.0, 0.0], [-15.0, 0.0, 0.0], [40.0, 0.0, 0.0]]
@@ -51,22 +51,10 @@ labels = ["flow", "forward_flow", "displacement", "depth", "normal", "region", "
 """
 
 
-def loaded(folder: Path, text: str) -> Study:
-    return replace(load_study(write_study(folder, text)), backend="numpy")
-
-
 def made(folder: Path, table: str) -> Path:
     """The data set of the study with this ``[dataset]``; samples are made once in ``folder``."""
-    study = loaded(folder, PARAMETERS + table)
-    samples = samples_of(study)
-    place = folder / "OUT"
-    if len(read_rows(place, samples)) < len(samples):
-        worker = Worker(place, study.backend)
-        worker.work_off(study, samples)
-        worker.close()
-    found = write_dataset(study, samples, read_rows(place, samples), place)
-    assert found == place / "dataset"
-    return found
+    gs.study(write_study(folder, PARAMETERS + table), folder / "OUT")
+    return folder / "OUT" / "dataset"
 
 
 @pytest.fixture(scope="module")
@@ -106,13 +94,13 @@ def test_flow_is_the_displacement_in_closed_form(whole: Path) -> None:
             assert known.sum() > 0.95 * np.isfinite(wanted).sum() > 2000
             worst.append(np.abs(found - wanted)[known].max())
             np.testing.assert_array_equal(cv2.readOpticalFlow(path)[known], found[known])
-    assert len(worst) == 2 * 16
+    assert len(worst) == 2 * 8
     assert max(worst) < 1e-4
     assert max(worst) < 1e-5  # what it is
 
 
 def test_layers_are_true_in_other_peoples_readers(whole: Path) -> None:
-    for _, item, camera, stress in list(pairs(whole))[::3]:
+    for _, item, camera, stress in list(pairs(whole))[::2]:
         place = camera.on_front(np.stack(np.meshgrid(np.arange(96.0), np.arange(48.0)), axis=2))
         at_rest = place / stretch(stress)
         region = cv2.imread(f"{item}.1.region.tiff", cv2.IMREAD_UNCHANGED)
@@ -144,7 +132,7 @@ def test_no_structure_is_in_two_splits_and_shares_are_exact(whole: Path) -> None
     assert len(splits) == len(by_load) == len(set(by_load.values())) == 4
     assert all(len(names) == 1 for names in splits.values())
     counts = Counter(line["split"] for line in lines)
-    assert counts == {"train": 8, "val": 4, "test": 4}
+    assert counts == {"train": 4, "val": 2, "test": 2}
 
 
 def test_the_manifest_says_the_same_as_csv_and_names_every_item(whole: Path) -> None:
@@ -153,7 +141,7 @@ def test_the_manifest_says_the_same_as_csv_and_names_every_item(whole: Path) -> 
     as_parquet = [{key: str(value) for key, value in line.items()} for line in manifest(whole)]
     assert as_csv == as_parquet
     told = {json.loads((whole / line["file"]).read_text())["item"] for line in as_csv}
-    assert told == {line["item"] for line in as_csv} and len(told) == 16
+    assert told == {line["item"] for line in as_csv} and len(told) == 8
 
 
 def test_keypoints_as_coco_and_poses_as_bop_agree_with_opencv(whole: Path) -> None:
@@ -185,7 +173,7 @@ def test_keypoints_as_coco_and_poses_as_bop_agree_with_opencv(whole: Path) -> No
             low, high = rows[seen, :2].min(axis=0), rows[seen, :2].max(axis=0)
             np.testing.assert_allclose(own["bbox"], [*(low + 0.5), *(high - low)])
             total += 1
-    assert total == 32
+    assert total == 16
 
 
 def test_poses_lead_from_the_world_to_the_camera(whole: Path) -> None:
@@ -206,7 +194,7 @@ def test_crops_have_their_own_labels_and_points(whole: Path, tmp_path: Path) -> 
     cut = made(whole.parent.parent, ALL_LABELS + "crop_px = [40, 24]\ncrops = 2\nseed = 5\n")
     try:
         lines = manifest(cut)
-        assert len(lines) == 32 and len({line["crop_left"] for line in lines}) > 5
+        assert len(lines) == 16 and len({line["crop_left"] for line in lines}) > 5
         for line, item, camera, stress in pairs(cut):
             left, top = line["crop_left"], line["crop_top"]
             part = slice(top, top + 24), slice(left, left + 40)
@@ -250,7 +238,7 @@ def test_what_is_no_part_of_it_any_more_is_deleted(whole: Path) -> None:
     names = {name for name in stamps(few)}
     tars = {name for name in names if name.endswith(".tar")}
     assert names - tars == {"README.md", "manifest.csv", "manifest.parquet", "mine.txt"}
-    assert len(tars) == 3 + 2 + 2
+    assert len(tars) == 2 + 1 + 1
     (whole / "mine.txt").unlink()
     made(whole.parent.parent, ALL_LABELS)
     assert {name: size for name, (_, size) in stamps(whole).items()} == {
@@ -260,7 +248,7 @@ def test_what_is_no_part_of_it_any_more_is_deleted(whole: Path) -> None:
 
 def test_shards_have_the_same_files_and_always_the_same_bytes(whole: Path) -> None:
     loose = {path.name: path.read_bytes() for path in whole.rglob("0*") if path.is_file()}
-    shards = made(whole.parent.parent, ALL_LABELS + "shards = 5\n")
+    shards = made(whole.parent.parent, ALL_LABELS + "shards = 3\n")
     bytes_before = {path: path.read_bytes() for path in shards.rglob("*.tar")}
     found: dict[str, bytes] = {}
     for path, data in bytes_before.items():
@@ -276,7 +264,7 @@ def test_shards_have_the_same_files_and_always_the_same_bytes(whole: Path) -> No
         path.unlink()
     # but for the name of its file nothing is other
     assert found == loose
-    made(whole.parent.parent, ALL_LABELS + "shards = 5\n")
+    made(whole.parent.parent, ALL_LABELS + "shards = 3\n")
     assert {path: path.read_bytes() for path in shards.rglob("*.tar")} == bytes_before
     made(whole.parent.parent, ALL_LABELS)
 
@@ -284,7 +272,7 @@ def test_shards_have_the_same_files_and_always_the_same_bytes(whole: Path) -> No
 def test_a_killed_one_goes_on(whole: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     wanted = {name: size for name, (_, size) in stamps(whole).items()}
     place = whole.parent
-    study = loaded(place.parent, PARAMETERS + ALL_LABELS)
+    study = load_study(write_study(place.parent, PARAMETERS + ALL_LABELS))
     samples = samples_of(study)
     rows = read_rows(place, samples)
     made(whole.parent.parent, "shards = 1\n")
@@ -292,15 +280,15 @@ def test_a_killed_one_goes_on(whole: Path, monkeypatch: pytest.MonkeyPatch) -> N
     class Killed(BaseException):
         pass
 
-    def die(done: int, count: int) -> None:
-        assert count == 16
-        if done == 7:
+    def die(stage: str, done: float, words: str) -> None:
+        assert stage == "dataset"
+        if words == "5 of 8 items":
             raise Killed
 
     with pytest.raises(Killed):
         write_dataset(study, samples, rows, place, die)
     there = stamps(whole)
-    assert len([name for name in there if name.endswith(".json")]) == 7
+    assert len([name for name in there if name.endswith(".json")]) == 5
     write_dataset(study, samples, rows, place)
     after = stamps(whole)
     assert {name: size for name, (_, size) in after.items()} == wanted
@@ -312,27 +300,35 @@ def test_a_killed_one_goes_on(whole: Path, monkeypatch: pytest.MonkeyPatch) -> N
 def test_the_card_tells_versions_seeds_conventions_and_counts(whole: Path) -> None:
     card = (whole / "README.md").read_text(encoding="utf-8")
     for words in (
-        "16 of 16 samples", "| train | 0.5 | 8 | 2 | 8 |", "| val | 0.25 | 4 | 1 | 4 |",
+        "8 of 8 samples", "| train | 0.5 | 4 | 2 | 4 |", "| val | 0.25 | 2 | 1 | 2 |",
         "| forward_flow | px, from a pixel of picture 0", "float32; 1e10 where nothing is known",
-        "design 0, crops and splits 0; sensor.seed: one more for each of 2 repeats", "SHA-256 `",
+        "Seeds: design 0, crops and splits 0.", "SHA-256 `",
     ):  # fmt: skip
         assert words in card
     assert "KITTI" not in card and "tar file" not in card
 
 
+def test_the_card_of_repeats_in_shards_names_what_counts_up(tmp_path: Path) -> None:
+    text = "repeats = 2\n" + PARAMETERS + 'flow_format = "kitti"\nshards = 9\n'
+    study = load_study(write_study(tmp_path, text))
+    assert study.tables.dataset is not None
+    card = card_text(study, study.tables.dataset, {"train": (18, 2, 9)}, 16, ["manifest.csv"])
+    for words in (
+        "9 of 16 samples of a study; the others were refused or came to nothing",
+        "crops and splits 0; sensor.seed: one more for each of 2 repeats",
+        "off by up to 1/128 px", "9 items lie in a tar file", "data_files: manifest.csv",
+    ):  # fmt: skip
+        assert words in card
+
+
 def test_sequences_have_all_frames_and_kitti_is_rounded(tmp_path: Path) -> None:
-    text = PARAMETERS.replace("repeats = 2", "repeats = 1") + 'items = "sequences"\n'
+    text = PARAMETERS.replace("[10.0, 0.0, 0.0], [20.0, 0.0, 0.0], [-15.0, 0.0, 0.0], ", "")
     path = write_study(
-        tmp_path, text + 'flow_format = "kitti"\n', prop=[],
+        tmp_path, text + 'items = "sequences"\nflow_format = "kitti"\n', prop=[],
         analysis={"load_factors": [0.0, 0.5, 1.0]},
     )  # fmt: skip
-    study = replace(load_study(path), backend="numpy")
-    samples = samples_of(study)[6:]
-    worker = Worker(tmp_path / "OUT", "numpy")
-    worker.work_off(study, samples)
-    worker.close()
-    dataset = write_dataset(study, samples, read_rows(tmp_path / "OUT", samples), tmp_path / "OUT")
-    assert dataset is not None
+    gs.study(path, tmp_path / "OUT")
+    dataset = tmp_path / "OUT" / "dataset"
     lines = list(pairs(dataset))
     assert [line["frames"] for line, *_ in lines] == ["0 1 2"] * 2
     for _, item, camera, stress in lines:
@@ -378,11 +374,11 @@ def test_results_that_are_gone_are_told(tmp_path: Path) -> None:
 
 
 def test_samples_that_came_to_nothing_have_no_items(whole: Path, tmp_path: Path) -> None:
-    study = loaded(whole.parent.parent, PARAMETERS + ALL_LABELS)
+    study = load_study(write_study(whole.parent.parent, PARAMETERS + ALL_LABELS))
     samples = samples_of(study)
     rows = read_rows(whole.parent, samples)
     lost = {number: {**row, "status": "failed"} for number, row in rows.items() if number > 3}
     write_dataset(study, samples, rows | lost, whole.parent)
     assert {line["sample"] for line in manifest(whole)} == {0, 1, 2, 3}
-    assert "4 of 16 samples of a study; the others" in (whole / "README.md").read_text()
+    assert "4 of 8 samples of a study; the others" in (whole / "README.md").read_text()
     write_dataset(study, samples, rows, whole.parent)
