@@ -12,6 +12,7 @@ from gpusim.pipeline.pictures.file_names import image_name
 from gpusim.studies.dataset_table import DatasetTable
 from gpusim.studies.study_tables import Study
 
+MANIFESTS = "manifest.parquet", "manifest.csv"
 _FLOW = {
     "flo": "Middlebury's .flo, float32; 1e10 where nothing is known",
     "kitti": "KITTI's PNG of 16 bit: (red - 32768) / 64, (green - 32768) / 64, blue 1 where it is "
@@ -53,7 +54,7 @@ def card_text(
 ) -> str:
     """The card, README.md: ``counts`` of items, structures and samples by split, ``samples`` of the
     study, ``files`` beside it."""
-    manifest = next((name for name in files if name.endswith(".parquet")), "manifest.csv")
+    manifest = next((name for name in MANIFESTS if name in files), MANIFESTS[-1])
     tables, suffix = study.tables, Path(image_name(study.scene, "", 0)).suffix
     seeds = f"design {tables.seed}, crops and splits {table.seed}"
     if tables.repeats > 1:
@@ -63,7 +64,10 @@ def card_text(
     crop = "whole" if table.crop_px is None else (
         f"{table.crop_px[0]} x {table.crop_px[1]} px, {table.crops} of each")  # fmt: skip
     lines = [
-        "---", "configs:", "- config_name: default", f"  data_files: {manifest}", "---",
+        "---", "configs:", "- config_name: default", "  data_files:",
+        *(f"  - split: {split}\n    path: {split}/{manifest}"
+          for split, own in counts.items() if own[0]),
+        "---",
         f"# {study.scene.name}: {table.items}, {crop}",
         "",
         f"Made by gpusim {__version__} (Python {platform.python_version()}) from "
@@ -81,7 +85,7 @@ def card_text(
         "their order), `NAME.K.LABEL.*` of the K-th picture, and `NAME.json`. "
         + (f"{table.shards} items lie in a tar file, as WebDataset reads them."
            if table.shards else "They lie in the folder of their split."),
-        f"`{manifest}` has a line for each.",
+        f"`{manifest}` has a line for each, that of a split's folder those of the split.",
         "Pixels: x right, y down; a whole number is a pixel's middle, (0, 0) the first one's.",
         "",
         "| label | what it is |", "|---|---|",

@@ -223,21 +223,24 @@ def _about(
     units: Sequence[tuple[str, Sequence[DatasetItem]]],
     samples: int,
 ) -> dict[str, Content]:
-    """Manifest, card, and what COCO and BOP have in one file for all pictures of a split."""
-    every = [(unit, item) for unit, own in units for item in own]
-    lines = [{**one.facts(), "file": unit if table.shards else f"{unit}.json"}
-             for unit, one in every]  # fmt: skip
+    """Manifests, of the whole and of each split; card; what COCO and BOP have in one file for all
+    pictures of a split."""
     files: dict[str, Content] = {}
-    if lines:
-        columns = {name: column_of([line[name] for line in lines]) for name in lines[0]}
-        files |= column_files("manifest", columns)
-    counts = {}
+    counts, every = {}, [one for _, own in units for one in own]
+    whole = [
+        (item, unit if table.shards else f"{unit}.json") for unit, own in units for item in own
+    ]
+    for split in ("", *table.splits):
+        lines = [
+            {**item.facts(), "file": file} for item, file in whole if split in ("", item.split)
+        ]
+        if lines:
+            columns = {name: column_of([line[name] for line in lines]) for name in lines[0]}
+            files |= column_files(f"{split}/manifest".lstrip("/"), columns)
     for split in table.splits:
-        own = [item for _, item in every if item.split == split]
-        counts[split] = (
-            len(own), len({one.results.structure for one in own}),
-            len({one.results.sample.number for one in own}),
-        )  # fmt: skip
+        own = [item for item in every if item.split == split]
+        structures = {one.results.structure for one in own}
+        counts[split] = len(own), len(structures), len({one.results.sample.number for one in own})
         contents = {}
         if "keypoints" in table.labels:
             contents["coco_keypoints.json"] = coco_keypoints(_pictures(own))

@@ -140,6 +140,10 @@ def test_the_manifest_says_the_same_as_csv_and_names_every_item(whole: Path) -> 
         as_csv = list(csv.DictReader(stream))
     as_parquet = [{key: str(value) for key, value in line.items()} for line in manifest(whole)]
     assert as_csv == as_parquet
+    parts = [pyarrow.dataset.dataset(whole / name / "manifest.parquet").to_table().to_pylist()
+             for name in ("train", "val", "test")]  # fmt: skip
+    assert [line for part in parts for line in part] == manifest(whole)
+    assert [{line["split"] for line in part} for part in parts] == [{"train"}, {"val"}, {"test"}]
     told = {json.loads((whole / line["file"]).read_text())["item"] for line in as_csv}
     assert told == {line["item"] for line in as_csv} and len(told) == 8
 
@@ -237,7 +241,8 @@ def test_what_is_no_part_of_it_any_more_is_deleted(whole: Path) -> None:
     few = made(whole.parent.parent, 'labels = ["flow"]\nflow_format = "kitti"\nshards = 3\n')
     names = {name for name in stamps(few)}
     tars = {name for name in names if name.endswith(".tar")}
-    assert names - tars == {"README.md", "manifest.csv", "manifest.parquet", "mine.txt"}
+    rest = {name for name in names - tars if not name.rpartition("/")[2].startswith("manifest.")}
+    assert rest == {"README.md", "mine.txt"}
     assert len(tars) == 2 + 1 + 1
     (whole / "mine.txt").unlink()
     made(whole.parent.parent, ALL_LABELS)
@@ -292,8 +297,7 @@ def test_a_killed_one_goes_on(whole: Path, monkeypatch: pytest.MonkeyPatch) -> N
     write_dataset(study, samples, rows, place)
     after = stamps(whole)
     assert {name: size for name, (_, size) in after.items()} == wanted
-    kept = {name for name in there if name in after and not name.endswith(".tar")} - {
-        "README.md", "manifest.csv", "manifest.parquet"}  # fmt: skip
+    kept = {name for name in there if name in after and "/0" in name}
     assert len(kept) > 50 and all(after[name] == there[name] for name in kept)
 
 
@@ -316,7 +320,8 @@ def test_the_card_of_repeats_in_shards_names_what_counts_up(tmp_path: Path) -> N
     for words in (
         "9 of 16 samples of a study; the others were refused or came to nothing",
         "crops and splits 0; sensor.seed: one more for each of 2 repeats",
-        "off by up to 1/128 px", "9 items lie in a tar file", "data_files: manifest.csv",
+        "off by up to 1/128 px", "9 items lie in a tar file",
+        "  - split: train\n    path: train/manifest.csv\n",
     ):  # fmt: skip
         assert words in card
 
