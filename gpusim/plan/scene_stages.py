@@ -155,6 +155,11 @@ def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iter
     )
     if output.truth and scene.cameras:
         yield from _truth(build, motions)
+    if output.labels and scene.cameras:
+        board = scene.calibration.board if scene.calibration else ""
+        sections = ["camera", "analysis", "body.*.paint", "prop.still"]
+        yield build.stage("labels", "labels:labels", sections, whole, [[board, *table]], "export",
+                          keeps=True)  # fmt: skip
     yield from _films(build)  # which are there even where nothing can be measured in them
     for spec in scene.measures:
         yield from _measured(build, spec, whole, table)
@@ -249,7 +254,7 @@ def _skipped(build: StageBuilder, stages: Sequence[Stage]) -> dict[str, str]:
         "truth": "no [[camera]]" if output.truth else f"{_NONE}: [output] truth is empty",
         "measure": f"{_NONE}: no [[measure]]",
         "stress": still if output.stress else f"{_NONE}: [output] stress is false",
-        "export": f"{_NONE}: neither vtu, stl nor calibration in [output], no [video]",
+        "export": f"{_NONE}: neither vtu, stl, labels nor calibration in [output], no [video]",
     }
     there = {stage.public(0).split("/")[0] for stage in stages if len(stage.rows)}
     return {kind: reasons[kind] for kind in PUBLIC if kind not in there}

@@ -4,6 +4,7 @@ In the order in which data passes:
 
 - `expressions`: Short arithmetic expressions of parameters, over all points at once.
 - `study_tables`: ``study.toml``, read, checked and resolved.
+- `dataset_table`: ``[dataset]`` of a study: items, labels, crops, splits.
 - `design`: The points of a study: what each parameter is in each of them.
 - `samples`: What each sample changes in the base scene, and the key of its row.
 - `rows`: What became of each sample, appended to logs.
@@ -11,6 +12,7 @@ In the order in which data passes:
 - `plan`: What a study would make, before any work.
 - `executors`: Where samples are made: here, in other processes, or on a cluster.
 - `table`: The table of samples: parameters, and every measurement beside the truth.
+- `dataset`: Pictures of samples with exact labels, for who trains or tests.
 - `study`: A study worked off into a folder.
 """
 

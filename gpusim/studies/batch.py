@@ -38,7 +38,8 @@ class Stopped(Exception):
 def targets(study: Study, scene: Scene) -> set[str]:
     """The stages that a sample is made for; what pages and other programs show isn't among them."""
     names = {f"picture/{one.name}" for one in scene.cameras} | {"geometry"}
-    return names | {f"measure/{one.name}" for one in scene.measures} | {*["truth"] * study.truth}
+    names |= {*["truth", "labels"] * study.truth}
+    return names | {f"measure/{one.name}" for one in scene.measures}
 
 
 class Worker:

@@ -99,11 +99,10 @@ def write_study_report(study: Study, table: SampleTable, out: PathLike, pictures
     }  # fmt: skip
     write_text(inside(folder, "report.json"), json.dumps(plain_data(told), indent=2) + "\n")
     store = FigureStore(figures)
-    begun = [[store.begin(one) for one in finding.drawings] for finding in findings]
-    last = [store.begin(one) for one in scatter]
     page = page_template("study.html.j2").render(
         told, failed=sum(map(len, failed.values())), most=_MOST_FAILURES,
-        figures=[[draw() for draw in some] for some in begun], last=[draw() for draw in last],
+        figures=[[store.figure(one) for one in finding.drawings] for finding in findings],
+        last=[store.figure(one) for one in scatter],
     )  # fmt: skip
     store.keep()
     return write_text(inside(folder, "report.html"), page)

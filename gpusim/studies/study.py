@@ -20,6 +20,7 @@ from gpusim.pipeline.runner.stage_log import Progress, silent
 from gpusim.plan.scene_stages import scene_stages
 from gpusim.plan.stages import RunOptions
 from gpusim.studies.batch import Worker
+from gpusim.studies.dataset import write_dataset
 from gpusim.studies.executors import Client, Here, LocalPool, Pool, local_workers
 from gpusim.studies.plan import StudyPlan, check_samples, study_plan
 from gpusim.studies.report import Pictures, write_study_report
@@ -44,14 +45,15 @@ def study(
 
     What the folder has of them is kept, so that a study that was ended goes on. Samples that fail,
     or are refused, are recorded in the table. ``out`` gets samples.csv and, with
-    ``gpusim[study]``, samples.parquet, and report.html.
+    ``gpusim[study]``, samples.parquet, a report, and of a study with ``[dataset]`` the folder
+    dataset.
 
     Parameters
     ----------
     study : a study, or the path of its file (`gpusim.studies.load_study`).
     workers : processes of this machine; 1: this one.
     scheduler : address of a Dask scheduler (``gpusim[cluster]``) whose workers see ``out``, too.
-    progress : called with ("samples", done 0..1, text).
+    progress : called with ("samples", done 0..1, text), and then with "dataset".
 
     Raises
     ------
@@ -77,13 +79,16 @@ def study(
     require(workers >= 1, "study: workers", workers, "1 or more")
     samples = checked_samples(loaded)
     with claim(out) as folder:
-        check_below(folder, INNER)
+        check_below(folder, INNER, "dataset")
         work_off(loaded, samples, folder, workers, scheduler, progress or silent)
-        table = SampleTable.from_rows(loaded, samples, read_rows(folder, samples))
+        rows = read_rows(folder, samples)
+        table = SampleTable.from_rows(loaded, samples, rows)
         table.write(folder)
         (progress or silent)("report", 0.0, "figures and page")
         write_study_report(loaded, table, folder, _pictures(loaded, samples, folder))
         (progress or silent)("report", 1.0, "report.html, report.json")
+        if loaded.tables.dataset is not None:
+            write_dataset(loaded, samples, rows, folder, progress or silent)
     return table
 
 

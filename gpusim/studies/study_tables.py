@@ -19,6 +19,7 @@ from gpusim.scene.faults.faults import faults_of, unread
 from gpusim.scene.faults.key_paths import key_lines
 from gpusim.scene.tables.table import Count, Listed, Pair, Seed, Table, fault
 from gpusim.scene.toml_text import parse_toml, toml_text
+from gpusim.studies.dataset_table import DatasetTable
 from gpusim.studies.expressions import FUNCTIONS
 
 DISTRIBUTIONS = "uniform", "log_uniform", "normal", "log_normal"
@@ -160,6 +161,9 @@ class StudyTable(Table):
     constraint: Annotated[tuple[ConstraintTable, ...], Listed()] = ()
     """What samples have to fulfil."""
 
+    dataset: DatasetTable | None = None
+    """A data set that is made of the samples' pictures and truth."""
+
     @property
     def drawn(self) -> tuple[ParameterTable, ...]:
         """Parameters with a distribution."""
@@ -190,7 +194,7 @@ class StudyTable(Table):
 class Study:
     """A study that was read: its ``tables``, the base ``scene``, the ``folder`` of the study's
     file, its name (``source``), the ``backend`` that it is made by ("gpu" or "numpy"), and whether
-    each sample's ``truth`` is made (truth.h5, as far as the scene asks for it)."""
+    each sample's ``truth`` is made (truth.h5, labels.json; as far as the scene asks for it)."""
 
     tables: StudyTable
     scene: Scene
@@ -236,8 +240,11 @@ def load_study(path: str | PathLike[str], backend: str | None = None) -> Study:
         names = ", ".join(one.name for one in scene.variants)
         expected = "a scene without: list what they set as a [[parameter]]"
         raise InputError(f"{place}: scene has variants; got {names}; expected {expected}")
+    labelled = tables.dataset is not None
+    if tables.dataset is not None:
+        scene = tables.dataset.labelled(scene)
     chosen = chosen_backend("study", backend or tables.backend)
-    return Study(tables, scene, place.parent.absolute(), str(place), chosen)
+    return Study(tables, scene, place.parent.absolute(), str(place), chosen, labelled)
 
 
 def study_text(study: Study) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError, nearest_name
-from gpusim.files.atomic_files import write_bytes, write_text
+from gpusim.files.atomic_files import write_bytes
 from gpusim.files.output_folder import inside
 from gpusim.studies.rows import Row
 from gpusim.studies.samples import Sample
@@ -73,7 +73,7 @@ class SampleTable:
         columns: dict[str, Column] = {
             "sample": np.array([one.number for one in samples]),
             "repeat": np.array([one.repeat for one in samples]),
-            **{name: _column([one.values[name] for one in samples]) for name in parameters},
+            **{name: column_of([one.values[name] for one in samples]) for name in parameters},
         }
         for name, missing in (("status", ""), ("error", ""), ("seconds", np.nan)):
             values = [rows.get(one.number, {}).get(name, missing) for one in samples]
@@ -92,25 +92,29 @@ class SampleTable:
     def write(self, out: Path) -> list[Path]:
         """Write samples.csv and, where pyarrow is installed (``gpusim[study]``), samples.parquet
         into ``out``; returns their paths."""
-        stream = io.StringIO()
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(self.columns)
-        writer.writerows(zip(*(map(_cell, one.tolist()) for one in self.columns.values()),
-                             strict=True))  # fmt: skip
-        paths = [write_text(inside(out, "samples.csv"), stream.getvalue())]
-        try:
-            import pyarrow
-            import pyarrow.parquet
-        except ImportError:
-            return paths
-        plain = {
-            name: one if one.dtype.kind != "O" else [json.dumps(value) for value in one]
-            for name, one in self.columns.items()
-        }
-        file = pyarrow.BufferOutputStream()
-        pyarrow.parquet.write_table(pyarrow.table(plain), file)
-        paths.append(write_bytes(inside(out, "samples.parquet"), file.getvalue().to_pybytes()))
-        return paths
+        files = column_files("samples", self.columns)
+        return [write_bytes(inside(out, name), data) for name, data in files.items()]
+
+
+def column_files(name: str, columns: Mapping[str, Column]) -> dict[str, bytes]:
+    """The contents of <name>.csv and, where pyarrow is installed, of <name>.parquet."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*(map(_cell, one.tolist()) for one in columns.values()), strict=True))
+    files = {f"{name}.csv": stream.getvalue().encode()}
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        return files
+    plain = {
+        key: one if one.dtype.kind != "O" else [json.dumps(value) for value in one]
+        for key, one in columns.items()
+    }
+    file = pyarrow.BufferOutputStream()
+    pyarrow.parquet.write_table(pyarrow.table(plain), file)
+    return files | {f"{name}.parquet": file.getvalue().to_pybytes()}
 
 
 def column_name(quantity: tuple[str, str], kind: str) -> str:
@@ -119,7 +123,7 @@ def column_name(quantity: tuple[str, str], kind: str) -> str:
     return f"{name} {kind} [{unit}]" if unit else f"{name} {kind}"
 
 
-def _column(values: Sequence[Any]) -> Column:
+def column_of(values: Sequence[Any]) -> Column:
     """Numbers, texts or booleans as such; anything else, lists too, as objects."""
     kinds = {type(one) for one in values}
     if kinds <= {int, float} or (len(kinds) == 1 and kinds <= {str, bool}):

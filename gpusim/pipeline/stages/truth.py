@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim._version import __version__
-from gpusim.arrays.array_types import Int, Long
+from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.export.truth import TruthWriter
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
@@ -21,6 +21,7 @@ from gpusim.optics.frame import Frame
 from gpusim.optics.lens.shutter import rolled
 from gpusim.optics.rendering.local_origin import local_view
 from gpusim.optics.truth import BAND, Truth, seen_in
+from gpusim.pipeline.measurements.material_points import MaterialPoints, TrueMotion
 from gpusim.pipeline.notes import notes_of
 from gpusim.pipeline.pictures.image_window import Window, whole_window, window_of
 from gpusim.pipeline.scene_objects.cameras import build_camera, build_shutter, opening
@@ -101,6 +102,7 @@ def _write_frames(
 ) -> None:
     scene, wanted = objects.scene, objects.scene.output.truth
     rest = {spec.name: sight(objects, spec, frames, None, session) for spec in scene.cameras}
+    forward = ForwardFlow(objects) if "forward_flow" in wanted else None
     for number, _, _, shown in frames:
         progress(number / len(frames), f"frame {number}")
         moved = not shown.still
@@ -117,10 +119,35 @@ def _write_frames(
                 if not len(band.row):
                     continue
                 place = band.row + window.top, band.column + window.left
-                for layer in wanted:
+                for layer in (one for one in wanted if one != "forward_flow"):
                     frame.write_sparse(layer, *place, _values(layer, band, before, others, cells))
+            if forward is not None:
+                frame.write_sparse("forward_flow", *forward.of(spec.name, number))
             if "cameras" not in wanted and moved:
                 del now[spec.name]  # its ids are needed no longer
+
+
+class ForwardFlow:
+    """Where what each pixel of frame 0 sees of the bodies is in other frames."""
+
+    def __init__(self, objects: SceneObjects) -> None:
+        self._motion = TrueMotion(objects)
+        self._points: dict[str, tuple[Float, MaterialPoints]] = {}
+
+    def of(self, camera: str, frame: int) -> tuple[Long, Long, Float]:
+        """Rows and columns (n,) in frame 0, and the way (n, 2) px from there."""
+        if camera not in self._points:
+            lens = self._motion.camera(camera)
+            row, column = np.indices((lens.height, lens.width)).reshape(2, -1)
+            pixels = np.stack([column, row], axis=1).astype(np.float64)
+            points = self._motion.seen_at(camera, pixels)
+            own = self._motion.body(points) >= 0
+            self._points[camera] = pixels[own], points[own]
+        pixels, points = self._points[camera]
+        column, row = pixels.astype(np.int64).T
+        flow = self._motion.pixels(points, camera, frame) - pixels
+        ahead = np.isfinite(flow).all(axis=1)
+        return row[ahead], column[ahead], flow[ahead]
 
 
 def sight(
