@@ -113,10 +113,9 @@ class Scene:
         """Validate a plain document (nested dicts and lists, keys as in the file).
 
         ``origins`` tells the line of each key for messages. ``overrides`` (dotted path -> value)
-        are applied first; mesh files are looked for in ``folder``. ``files``: what is known of
-        them (`files`); one that was changed since is a fault. ``resolved``: the document is that
-        of a scene, not used any more, with these ``files``: they aren't looked at again. Raises
-        SceneError with every fault of document and overrides.
+        come first; mesh files are looked for in ``folder``. ``files``: what is known of them; one
+        that was changed since is a fault. ``resolved``: it is a scene's `document`, and those are
+        its files. Raises SceneError with every fault of document and overrides.
         """
         origins = origins or {}
         for given in (*([] if resolved else [document]), overrides or {}):
@@ -132,9 +131,7 @@ class Scene:
             else:
                 changed.append(done)
         origins = overridden(origins, changed)
-        unread, hashes = (
-            ([], tuple(files)) if resolved else find_files(plain, Path(folder), dict(files))
-        )
+        unread, hashes = find_files(plain, Path(folder), dict(files), resolved)
         load_kinds(plain)
         complete_from_video(plain, document.get("video") if changed else None)
         table, more = None, 0
