@@ -100,7 +100,7 @@ class CorrelationOutput:
     >>> settings = gs.applications.CorrelationSettings(step=20, backend="numpy")
     >>> flat = np.full((1, 120, 160), 90, np.uint8)
     >>> gs.applications.correlate_files("before.png", flat, "flat", settings).failure
-    'dic: no point could be measured in frame 0; flat/report.html says why'
+    'no point could be measured in frame 0; flat/report.html says why'
     """
 
     results: Sequence[DicResult | StereoResult]
@@ -113,7 +113,7 @@ class CorrelationOutput:
     def failure(self) -> str:
         """Which pictures have no point measured; "" if all have."""
         empty = unmeasured(self.report["images"])
-        text = f"dic: no point could be measured in {empty}; {self.files[-1]} says why"
+        text = f"no point could be measured in {empty}; {self.files[-1]} says why"
         return text if empty else ""
 
 

@@ -42,7 +42,7 @@ from gpusim.measure.structures.marker_series import first_markers, followed_mark
 from gpusim.report.charts import Chart, draw_chart
 from gpusim.report.model import Figure
 from gpusim.report.style import MEASURED, PAGE, draw_png
-from gpusim.validation import as_float64
+from gpusim.validation import Positive, as_float64, checked
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
@@ -59,6 +59,7 @@ COLUMNS = ("x", "y", "u", "v", "sigma", "x_right", "y_right", "X", "Y", "Z", "U"
 Result = TypeVar("Result", DicResult, StereoResult)
 
 
+@checked
 def track_files(
     video: Frames | FrameSource,
     output: PathLike,
@@ -66,9 +67,9 @@ def track_files(
     *,
     points: npt.ArrayLike = (),
     markers_px: tuple[float, float] | None = None,
-    mm_per_px: float | None = None,
+    mm_per_px: Positive | None = None,
     right: Frames | FrameSource | None = None,
-    rate_Hz: float | None = None,
+    rate_Hz: Positive | None = None,
     progress: Progress = silent,
 ) -> CorrelationOutput:
     """Follow markers and points through a video; write tables, plots over time and ``report.html``.

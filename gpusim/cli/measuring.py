@@ -241,7 +241,7 @@ def _advise(picture: Path, output: Path | None, as_json: bool, **options: Any) -
     finish(json.dumps(report, indent=2), as_json, False, partial(print_advice, report, output))
 
 
-OPTIONS = {"formats": "format", "rig": "stereo", "points": "point"}
+OPTIONS = {"formats": "format", "rig": "stereo", "points": "point", "markers_px": "markers"}
 """Options that have another name than the argument of the application."""
 
 

@@ -15,7 +15,12 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
 from gpusim.measure.correlation.matching import DicResult, Status
-from gpusim.measure.structures.marker_crosses import SEARCH_SHARE, CrossFits, find_crosses
+from gpusim.measure.structures.marker_crosses import (
+    LEAST_WIDTH,
+    SEARCH_SHARE,
+    CrossFits,
+    find_crosses,
+)
 from gpusim.measure.targets.checker_markers import find_markers
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import require
@@ -28,6 +33,8 @@ SAME_PLACE = 0.25  # of a width: two markers can't be so near to each other
 def first_markers(picture: npt.NDArray[np.generic], size_px: tuple[float, float]) -> CrossFits:
     """All checker markers of a picture whose widths lie in ``size_px``, row by row. InputError if
     there are none."""
+    fits = LEAST_WIDTH <= size_px[0] <= size_px[1] < np.inf
+    require(fits, "`markers_px`", size_px, f"(lowest, highest) width, at least {LEAST_WIDTH:g} px")
     found = find_markers(picture, size_px)
     seen = np.isfinite(found.size).any(axis=1)
     widths = np.nanmax(found.size[seen], axis=1, initial=size_px[0])
