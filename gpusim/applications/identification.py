@@ -27,6 +27,7 @@ from gpusim.measure.images import Image, check_image
 from gpusim.measure.vibration.identification import Excitation, Identification, identifiable_band
 from gpusim.measure.vibration.point_series import DisplacementMethod
 from gpusim.report.style import MEASURED, axis_title, draw_png
+from gpusim.report.text import uncertain
 from gpusim.validation import Count, Positive, checked
 
 if TYPE_CHECKING:
@@ -306,8 +307,9 @@ def _draw(path: Path, picture: Image, modes: OperationalModes, number: int) -> P
         axes.set_xlim(-0.5, width - 0.5)
         axes.set_ylim(height - 0.5, -0.5)
         axes.set_axis_off()
-        hertz, share = modes.frequency_Hz[number], 100 * modes.damping[number]
-        axis_title(axes, f"mode {number + 1}: {hertz:.4g} Hz, damping {share:.3g} %")
+        hertz = uncertain(modes.frequency_Hz[number], modes.frequency_sigma_Hz[number])
+        share = uncertain(100 * modes.damping[number], 100 * modes.damping_sigma[number])
+        axis_title(axes, f"mode {number + 1}: {hertz} Hz, damping {share} %")
 
     draw_png(path, (7.2, 7.2 * min(max(height / width, 0.25), 1.5) + 0.4), draw)
     return path

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import repeat
 from pathlib import Path
 
 import numpy as np
@@ -11,25 +12,28 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.pipeline.measurements.results import Reported, Result, csv_text
 from gpusim.pipeline.pictures.file_names import image_path
-from gpusim.report import Measurement, Overlay, Series
+from gpusim.report import Measurement, Overlay, Series, Table
+from gpusim.report.text import decimals, number, uncertain
 from gpusim.scene import Scene
 
 GOALS = {"frequency": 0.005, "damping": 0.1, "MAC": 0.01}
 """Relative errors that are good."""
+QUANTITIES = {"frequency": ("frequency_Hz", "Hz", 1.0), "damping": ("damping", "%", 100.0)}
+"""Columns, and the unit in which a reader has them."""
 
 
 @dataclass(frozen=True, eq=False)
 class ModesResult(Result):
     """N modes at P points of a ``camera``'s picture. Columns of the table: frequencies, damping
-    (shares of critical) and their standard uncertainties, ``complexity``, and ``mac`` with the
-    true mode.
+    (shares of critical) and their standard uncertainties, ``complexity``, ``true_mode``: the number
+    of the body's mode that it is, and ``mac`` with that.
 
     points_px : (P, 2).
     shapes, true_shapes : (N, P, 2), the greatest measured component 1; true ones of the size that
         fits best, NaN where there is none.
     times, displacement_px : (T,) s and (T, P, 2) from which they come.
     lost : so many other points weren't found in all pictures.
-    sought : so many modes were looked for, at most.
+    sought : so many modes were looked for, at most; 0 of an earlier run.
     """
 
     camera: str
@@ -39,7 +43,7 @@ class ModesResult(Result):
     times: Float
     displacement_px: Float
     lost: int
-    sought: int
+    sought: int = 0
 
     @property
     def note(self) -> str:
@@ -81,7 +85,34 @@ class ModesResult(Result):
             Overlay(f"{self.name}: {title}", picture, self.points_px, size * shape)
             for title, size, shape in zip(self._titles(), self._greatest, self.shapes, strict=True)
         ]
-        return Reported([*self._measurements()], [*self._lines()], overlays)
+        measurements, lines = [*self._measurements()], [*self._lines()]
+        return Reported(measurements, lines, overlays, tables=[self._summary()])
+
+    def _column(self, name: str, scale: float = 1.0) -> list[float]:
+        """Of each mode; NaN of what an earlier run didn't know."""
+        unknown = np.full((1, len(self.shapes)), np.nan)
+        return list((scale * self.table.columns.get(name, unknown)[-1]).tolist())
+
+    def _summary(self) -> Table:
+        """A row for each mode, as far as its uncertainties say."""
+        measured = [
+            map(
+                uncertain,
+                self._column(f"measured_{what}", scale),
+                self._column(f"sigma_{what}", scale),
+            )
+            for what, _, scale in QUANTITIES.values()
+        ]
+        number_of = map(number, self._column("true_mode"), repeat(1))
+        rows = zip(
+            self.table.points,
+            number_of,
+            *measured,
+            map(number, self._column("mac"), repeat(5)),
+            strict=True,
+        )
+        columns = "Mode", "Mode of the body", "Frequency / Hz", "Damping / %", "MAC"
+        return Table(f"Measured modes: {self.name}", columns, tuple(rows))
 
     def _titles(self) -> Sequence[str]:
         rows = zip(self.table.points, self.table["measured_frequency_Hz"][-1], strict=True)
@@ -96,20 +127,22 @@ class ModesResult(Result):
         return np.asarray(np.abs(share).max(axis=1))
 
     def _measurements(self) -> Iterator[Measurement]:
-        """Of every mode; its MAC, if there is one, is compared with 1."""
-        table = {name: column[-1].tolist() for name, column in self.table.columns.items()}
+        """Of every mode, no further than its uncertainty says; its MAC, if there is one, is
+        compared with 1."""
         for k, mode in enumerate(self.table.points):
-            for what, unit, scale, measured, true in (
-                ("frequency", "Hz", 1.0, table["measured_frequency_Hz"][k],
-                 table["true_frequency_Hz"][k]),
-                ("damping", "%", 100.0, table["measured_damping"][k], table["true_damping"][k]),
-                ("MAC", "", 1.0, table["mac"][k], 1.0),
-            ):  # fmt: skip
-                if what == "MAC" and not np.isfinite(measured):
-                    continue
+            for what, (column, unit, scale) in QUANTITIES.items():
+                measured, true, sigma = (
+                    self._column(f"{kind}_{column}", scale)[k]
+                    for kind in ("measured", "true", "sigma")
+                )
                 yield Measurement.compare(
-                    f"{self.name}: {mode}, {what}", unit, scale * measured, scale * true,
-                    tolerance_relative=GOALS[what],
+                    f"{self.name}: {mode}, {what}", unit, round(measured, decimals(sigma)),
+                    round(true, decimals(sigma)), tolerance_relative=GOALS[what],
+                )  # fmt: skip
+            if np.isfinite(likeness := self._column("mac")[k]):
+                yield Measurement.compare(
+                    f"{self.name}: {mode}, MAC", "", round(likeness, 5), 1.0,
+                    tolerance_relative=GOALS["MAC"],
                 )  # fmt: skip
 
     def _lines(self) -> Iterator[Series]:
