@@ -49,15 +49,12 @@ def number(value: float, digits: int = 6) -> str:
     return text.replace("-", "\N{MINUS SIGN}")
 
 
-def decimals(sigma: float) -> int:
-    """Decimals that two digits of a standard uncertainty have; 15 of an unknown one."""
-    return max(1 - math.floor(math.log10(sigma)), 0) if 0 < sigma < math.inf else 15
-
-
 def uncertain(value: float, sigma: float) -> str:
-    """A value as far as its standard uncertainty says: 62.92466 ± 0.00014."""
-    digits = decimals(sigma)
-    return number(value) if digits == 15 else f"{value:.{digits}f} ± {sigma:.{digits}f}"
+    """A value as far as two digits of its standard uncertainty say: 62.92466 ± 0.00014."""
+    if not 0 < sigma < math.inf:
+        return number(value)
+    digits = max(1 - math.floor(math.log10(sigma)), 0)
+    return f"{value:.{digits}f} ± {sigma:.{digits}f}".replace("-", "\N{MINUS SIGN}")
 
 
 def percent(value: float, digits: int = 3) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import repeat
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +12,11 @@ from gpusim.arrays.array_types import Float
 from gpusim.pipeline.measurements.results import Reported, Result, csv_text
 from gpusim.pipeline.pictures.file_names import image_path
 from gpusim.report import Measurement, Overlay, Series, Table
-from gpusim.report.text import decimals, number, uncertain
+from gpusim.report.text import number, uncertain
 from gpusim.scene import Scene
 
 GOALS = {"frequency": 0.005, "damping": 0.1, "MAC": 0.01}
 """Relative errors that are good."""
-QUANTITIES = {"frequency": ("frequency_Hz", "Hz", 1.0), "damping": ("damping", "%", 100.0)}
-"""Columns, and the unit in which a reader has them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,29 +85,19 @@ class ModesResult(Result):
         measurements, lines = [*self._measurements()], [*self._lines()]
         return Reported(measurements, lines, overlays, tables=[self._summary()])
 
-    def _column(self, name: str, scale: float = 1.0) -> list[float]:
-        """Of each mode; NaN of what an earlier run didn't know."""
-        unknown = np.full((1, len(self.shapes)), np.nan)
-        return list((scale * self.table.columns.get(name, unknown)[-1]).tolist())
+    @property
+    def _columns(self) -> dict[str, list[float]]:
+        return {name: column[-1].tolist() for name, column in self.table.columns.items()}
 
     def _summary(self) -> Table:
         """A row for each mode, as far as its uncertainties say."""
-        measured = [
-            map(
-                uncertain,
-                self._column(f"measured_{what}", scale),
-                self._column(f"sigma_{what}", scale),
-            )
-            for what, _, scale in QUANTITIES.values()
-        ]
-        number_of = map(number, self._column("true_mode"), repeat(1))
+        table, names = self._columns, self.table.points
+        shares = np.multiply(100.0, (table["measured_damping"], table["sigma_damping"])).tolist()
         rows = zip(
-            self.table.points,
-            number_of,
-            *measured,
-            map(number, self._column("mac"), repeat(5)),
-            strict=True,
-        )
+            names, (number(one, 1) for one in table.get("true_mode", [np.nan] * len(names))),
+            map(uncertain, table["measured_frequency_Hz"], table["sigma_frequency_Hz"]),
+            map(uncertain, *shares), (number(one, 5) for one in table["mac"]), strict=True,
+        )  # fmt: skip
         columns = "Mode", "Mode of the body", "Frequency / Hz", "Damping / %", "MAC"
         return Table(f"Measured modes: {self.name}", columns, tuple(rows))
 
@@ -127,22 +114,20 @@ class ModesResult(Result):
         return np.asarray(np.abs(share).max(axis=1))
 
     def _measurements(self) -> Iterator[Measurement]:
-        """Of every mode, no further than its uncertainty says; its MAC, if there is one, is
-        compared with 1."""
+        """Of every mode; its MAC, if there is one, is compared with 1."""
+        table = self._columns
         for k, mode in enumerate(self.table.points):
-            for what, (column, unit, scale) in QUANTITIES.items():
-                measured, true, sigma = (
-                    self._column(f"{kind}_{column}", scale)[k]
-                    for kind in ("measured", "true", "sigma")
-                )
+            for what, unit, scale, measured, true in (
+                ("frequency", "Hz", 1.0, table["measured_frequency_Hz"][k],
+                 table["true_frequency_Hz"][k]),
+                ("damping", "%", 100.0, table["measured_damping"][k], table["true_damping"][k]),
+                ("MAC", "", 1.0, table["mac"][k], 1.0),
+            ):  # fmt: skip
+                if what == "MAC" and not np.isfinite(measured):
+                    continue
                 yield Measurement.compare(
-                    f"{self.name}: {mode}, {what}", unit, round(measured, decimals(sigma)),
-                    round(true, decimals(sigma)), tolerance_relative=GOALS[what],
-                )  # fmt: skip
-            if np.isfinite(likeness := self._column("mac")[k]):
-                yield Measurement.compare(
-                    f"{self.name}: {mode}, MAC", "", round(likeness, 5), 1.0,
-                    tolerance_relative=GOALS["MAC"],
+                    f"{self.name}: {mode}, {what}", unit, scale * measured, scale * true,
+                    tolerance_relative=GOALS[what],
                 )  # fmt: skip
 
     def _lines(self) -> Iterator[Series]:
