@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from gpusim.arrays.array_types import Float
+from gpusim.measure.vibration.operational_modes import amplitudes
 from gpusim.pipeline.measurements.results import Reported, Result, csv_text
 from gpusim.pipeline.pictures.file_names import image_path
 from gpusim.report import Measurement, Overlay, Series, Table
@@ -78,9 +79,10 @@ class ModesResult(Result):
     def report(self, scene: Scene, out: Path) -> Reported:
         """Numbers of each mode, its shape along the line and over the first picture."""
         picture = image_path(scene, out, self.camera, 0)
+        sizes = amplitudes(self.shapes, self.displacement_px)
         overlays = [
             Overlay(f"{self.name}: {title}", picture, self.points_px, size * shape)
-            for title, size, shape in zip(self._titles(), self._greatest, self.shapes, strict=True)
+            for title, size, shape in zip(self._titles(), sizes, self.shapes, strict=True)
         ]
         measurements, lines = [*self._measurements()], [*self._lines()]
         return Reported(measurements, lines, overlays, tables=[self._summary()])
@@ -104,14 +106,6 @@ class ModesResult(Result):
     def _titles(self) -> Sequence[str]:
         rows = zip(self.table.points, self.table["measured_frequency_Hz"][-1], strict=True)
         return [f"{mode}, {frequency:.5g} Hz" for mode, frequency in rows]
-
-    @property
-    def _greatest(self) -> Float:
-        """(N,) px, by which each mode moves the point of its greatest component at most."""
-        moved = self.displacement_px - self.displacement_px.mean(axis=0)
-        shapes = self.shapes.reshape(len(self.shapes), -1)
-        share = np.linalg.lstsq(shapes.T, moved.reshape(len(moved), -1).T, rcond=None)[0]
-        return np.asarray(np.abs(share).max(axis=1))
 
     def _measurements(self) -> Iterator[Measurement]:
         """Of every mode; its MAC, if there is one, is compared with 1."""
