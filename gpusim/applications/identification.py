@@ -279,14 +279,12 @@ def _write_hdf5(
         "points": (series.points, "px"),
         "displacement": (series.displacement, "px"),
         "status": (series.status, "1"),
-        "modes/frequency": (modes.frequency_Hz, "Hz"),
-        "modes/frequency_sigma": (modes.frequency_sigma_Hz, "Hz"),
-        "modes/damping": (modes.damping, "1"),
-        "modes/damping_sigma": (modes.damping_sigma, "1"),
+        **{f"modes/{name.removesuffix('_Hz')}": (values, "Hz" if name.endswith("_Hz") else "1")
+           for name, values in _mode_columns(modes).items()},
         "modes/points": (modes.points, "px"),
         "modes/shapes": (modes.shapes, "1"),
         "modes/shape_sigma": (modes.shape_sigma, "1"),
-    }
+    }  # fmt: skip
     with atomic_path(path) as part, writing_hdf5(part) as file:
         for name, (values, unit) in arrays.items():
             file.create_dataset(name, data=values, compression="gzip").attrs["unit"] = unit
