@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import cv2
 import numpy as np
@@ -25,15 +25,12 @@ from gpusim.measure import OperationalModes, PointSeries, grid_points, identify_
 from gpusim.measure.correlation.matching import Status
 from gpusim.measure.images import Image, check_image
 from gpusim.measure.vibration.identification import Excitation, Identification, identifiable_band
+from gpusim.measure.vibration.operational_modes import amplitudes
 from gpusim.measure.vibration.point_series import DisplacementMethod
-from gpusim.report.style import MEASURED, axis_title, draw_png
+from gpusim.report import Overlay
+from gpusim.report.figures import draw_overlay
 from gpusim.validation import Count, Positive, checked
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Canvas
-
-ARROW = 0.1  # of the picture's longer side: the greatest component of a shape,
-LONGEST_SIDES = 2.0  # which counts as no more than so many times the shorter one
 OTHERS, MOST_SIGMA = 8, 0.05  # pictures that tell the noise; px, of points of a grid
 SCHEMA = 1
 
@@ -164,8 +161,7 @@ def identify_files(
             write_text(inside(folder, "modes.csv"), _table(_mode_columns(modes))),
             write_text(inside(folder, "shapes.csv"), _table(_shape_columns(modes))),
             _write_hdf5(inside(folder, "modes.h5"), series, modes, report),
-            *(_draw(inside(folder, f"mode_{k + 1}.png"), first, modes, k)
-              for k in range(len(modes.damping))),
+            *_drawn(folder, first, series, modes),
             write_text(inside(folder, "report.json"), json.dumps(report, indent=2) + "\n"),
         ]  # fmt: skip
         return IdentificationOutput(series, modes, report, files)
@@ -265,6 +261,16 @@ def _table(columns: Mapping[str, Float]) -> str:
     return "\n".join([",".join(columns), *lines]) + "\n"
 
 
+def _drawn(
+    folder: Path, first: Image, series: PointSeries, modes: OperationalModes
+) -> Iterator[Path]:
+    """Each shape as arrows over the first picture."""
+    sizes = amplitudes(modes.shapes, series.displacement[:, series.ok])
+    for number, (size, shape) in enumerate(zip(sizes, modes.shapes, strict=True), 1):
+        overlay = Overlay(f"mode {number}", first, modes.points, size * shape)
+        yield draw_overlay(overlay, inside(folder, f"mode_{number}.png")).path
+
+
 def _write_hdf5(
     path: Path, series: PointSeries, modes: OperationalModes, report: Mapping[str, Any]
 ) -> Path:
@@ -273,41 +279,15 @@ def _write_hdf5(
         "points": (series.points, "px"),
         "displacement": (series.displacement, "px"),
         "status": (series.status, "1"),
-        "modes/frequency": (modes.frequency_Hz, "Hz"),
-        "modes/frequency_sigma": (modes.frequency_sigma_Hz, "Hz"),
-        "modes/damping": (modes.damping, "1"),
-        "modes/damping_sigma": (modes.damping_sigma, "1"),
+        **{f"modes/{name.removesuffix('_Hz')}": (values, "Hz" if name.endswith("_Hz") else "1")
+           for name, values in _mode_columns(modes).items()},
         "modes/points": (modes.points, "px"),
         "modes/shapes": (modes.shapes, "1"),
         "modes/shape_sigma": (modes.shape_sigma, "1"),
-    }
+    }  # fmt: skip
     with atomic_path(path) as part, writing_hdf5(part) as file:
         for name, (values, unit) in arrays.items():
             file.create_dataset(name, data=values, compression="gzip").attrs["unit"] = unit
         file.attrs["frame"] = "pixels of the first picture, x right, y down"
         file.attrs.update({k: v for k, v in report.items() if isinstance(v, str | int | float)})
-    return path
-
-
-def _draw(path: Path, picture: Image, modes: OperationalModes, number: int) -> Path:
-    """A shape as arrows over the picture, in both of its extremes."""
-    height, width = picture.shape
-    longest = ARROW * min(max(height, width), LONGEST_SIDES * min(height, width))
-    place, shape = modes.points, longest * modes.shapes[number]
-
-    def draw(canvas: Canvas) -> None:
-        axes = canvas.subplots()
-        axes.imshow(picture, cmap="gray", interpolation="nearest")
-        for sign, alpha in ((1, 1.0), (-1, 0.35)):
-            axes.quiver(
-                *place.T, *(sign * shape).T, angles="xy", scale_units="xy", scale=1,
-                color=MEASURED, alpha=alpha, width=0.003,
-            )  # fmt: skip
-        axes.set_xlim(-0.5, width - 0.5)
-        axes.set_ylim(height - 0.5, -0.5)
-        axes.set_axis_off()
-        hertz, share = modes.frequency_Hz[number], 100 * modes.damping[number]
-        axis_title(axes, f"mode {number + 1}: {hertz:.4g} Hz, damping {share:.3g} %")
-
-    draw_png(path, (7.2, 7.2 * min(max(height / width, 0.25), 1.5) + 0.4), draw)
     return path

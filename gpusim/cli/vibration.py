@@ -107,14 +107,16 @@ def magnify(
 
 
 def _print_modes(report: Mapping[str, Any], folder: Path) -> None:
-    rows: list[tuple[str, ...] | str] = [("mode", "Hz", "+-", "damping %", "+-")]
+    from gpusim.report.text import uncertain
+
+    rows: list[tuple[str, ...] | str] = [("mode", "frequency Hz", "damping %")]
     for one in report["modes"]:
-        share, sigma = 100 * one["damping"], 100 * one["damping_sigma"]
-        hertz = (f"{one['frequency_Hz']:.4f}", f"{one['frequency_sigma_Hz']:.4f}")
-        rows.append((str(int(one["mode"])), *hertz, f"{share:.3f}", f"{sigma:.3f}"))
+        hertz = uncertain(one["frequency_Hz"], one["frequency_sigma_Hz"])
+        share = uncertain(100 * one["damping"], 100 * one["damping_sigma"])
+        rows.append((str(int(one["mode"])), hertz, share))
     lost = "".join(f", {count} {reason}" for reason, count in report["lost"].items())
     out(f"{report['measured']} of {report['points']} points in {report['frames']} frames{lost}")
-    print_rows(rows, "<" + ">" * 4)
+    print_rows(rows, "<>>")
     for text in report["warnings"]:
         out(f"warning: {text}")
     out(f"\nTables and shapes: {folder}")

@@ -82,7 +82,7 @@ def test_command(film: Float, tmp_path: Path) -> None:
     assert wrong.exit_code == 2 and "--band: got '15;40'; expected LOW,HIGH" in wrong.stderr
     text = CliRunner().invoke(app, [*arguments[:-1], *options[:4], "--excitation", "release",
                                     "--modes", "2"])  # fmt: skip
-    assert text.exit_code == 0 and "9.00" in text.stdout and "23.0" in text.stdout
+    assert text.exit_code == 0 and "Hz" in text.stdout and "23.000" in text.stdout
 
 
 def test_wrong_files(tmp_path: Path) -> None:

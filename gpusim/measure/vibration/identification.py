@@ -110,7 +110,7 @@ def identify_modes(
         statistics = covariances(
             responses.values, responses.rate_Hz, depth, excitation == "release"
         )
-        found, sigma, _ = subspace_modes(statistics, band, modes, responses.sensors)
+        found, sigma = subspace_modes(statistics, band, modes, responses.sensors)
     if not len(found.damping):
         where = f"between {band[0]:.4g} and {band[1]:.4g} Hz"
         wanted = f'a motion with excitation "{excitation}", by more than noise'

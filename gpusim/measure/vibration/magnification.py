@@ -19,10 +19,9 @@ import numpy as np
 import scipy
 
 from gpusim.arrays.array_types import Float, Long, Single
-from gpusim.errors import InputError
 from gpusim.files.frame_source import Frames, FrameSource, read_frames
 from gpusim.measure.images import Image, check_image
-from gpusim.measure.vibration.sampling import sampling_rate
+from gpusim.measure.vibration.sampling import picture_alike, sampling_rate
 from gpusim.measure.vibration.steerable_pyramid import (
     INVERSE,
     Band,
@@ -34,7 +33,7 @@ from gpusim.parallel.threads import shared
 from gpusim.validation import checked, require
 
 LOWEST = 1.0 / 64.0  # cycles a pixel of the lowest ring
-RINGS, DIRECTIONS = 1, 8  # an octave; in half a turn
+DIRECTIONS = 8  # in half a turn
 MARGIN = 32  # px around a part of a picture
 SMOOTHING = 3.5  # px, standard deviation
 TRANSITION = 0.5  # width in which the filter rises, over the low end of the band
@@ -115,7 +114,7 @@ def _magnified(source: FrameSource, taps: Float, gain: float) -> Iterator[Image]
     for start in range(0, len(source), count):
         times = range(start, min(start + count, len(source)))
         needed = range(max(start - reach, 0), min(times.stop + reach, len(source)))
-        kept = {k: kept[k] if k in kept else _alike(source, k, first) for k in needed}
+        kept = {k: kept[k] if k in kept else picture_alike(source, k, first) for k in needed}
         weights = _weights(taps, times, needed, len(source))
         result = np.empty((len(times), *first.shape), dtype=first.dtype)
         at = range(start - needed.start, times.stop - needed.start)
@@ -155,7 +154,7 @@ class _Part:
         """Those of T ``pictures`` that are ``at`` (N,), changed: (h, w) each. ``weights``
         (N, T - 1) filter the steps of a history from picture to picture at these times."""
         spectra = shared(self.spectrum, pictures)
-        pyramid = steerable_pyramid(spectra[0].shape, LOWEST, RINGS, DIRECTIONS)
+        pyramid = steerable_pyramid(spectra[0].shape, LOWEST, DIRECTIONS)
         total = [spectra[time] * pyramid.rest for time in at]
         for band in pyramid.bands:
             _turn(band, spectra, total, at, weights * np.float32(gain / band.phase_share))
@@ -238,15 +237,6 @@ def _span(start: int, stop: int, size: int) -> tuple[Long, slice]:
         length += 2
     mirrored = np.pad(np.arange(size), (MARGIN, length), mode="reflect")
     return mirrored[start : start + length], slice(start, stop)
-
-
-def _alike(source: FrameSource, number: int, first: Image) -> Image:
-    """A picture of the size of the first."""
-    picture = check_image(source[number], source.names[number])
-    if picture.shape != first.shape:
-        name = source.names[number]
-        raise InputError(f"{name}: got shape {picture.shape}; expected {first.shape} as before")
-    return picture
 
 
 def _as(shown: Single, dtype: np.dtype[Any]) -> Image:

@@ -105,6 +105,14 @@ def mac(first: npt.ArrayLike, second: npt.ArrayLike) -> Float:
     return np.asarray(product / np.maximum(np.outer(*size), 1e-300))
 
 
+def amplitudes(shapes: Float, displacement: Float) -> Float:
+    """(N,) by which each of the shapes (N, P, 2) moves the point of its greatest component at most,
+    of points' displacements (T, P, 2)."""
+    moved = (displacement - displacement.mean(axis=0)).reshape(len(displacement), -1)
+    share = np.linalg.lstsq(shapes.reshape(len(shapes), -1).T, moved.T, rcond=None)[0]
+    return np.asarray(np.abs(share).max(axis=1))
+
+
 def real_shapes(shapes: Complex) -> tuple[Float, Float]:
     """Shapes (N, C) turned to be as real as can be, their greatest component 1; and what share of
     each is left imaginary, (N,): 0 to 1."""

@@ -14,14 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float
-from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.files.frame_source import Frames, FrameSource, read_frames
 from gpusim.measure.correlation.matching import Status
 from gpusim.measure.correlation.start_values import global_shift
 from gpusim.measure.images import Image, check_image, check_points
 from gpusim.measure.vibration.displacement_methods import LocalPhase, LucasKanade
-from gpusim.measure.vibration.sampling import sampling_rate
+from gpusim.measure.vibration.sampling import picture_alike, sampling_rate
 from gpusim.measure.vibration.shifted_subsets import Method, ShiftedSubsets
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import checked, finite_numbers, real_numbers, require, require_one_of
@@ -146,10 +145,8 @@ def point_series(
     displacement = np.full((len(source), len(places), 2), np.nan)
     status = subsets.status.copy()
     start = before = np.zeros((len(places), len(subsets.directions)))
-    for number, name in enumerate(source.names):
-        picture = check_image(source[number], name)
-        if picture.shape != first.shape:
-            raise InputError(f"{name}: got shape {picture.shape}; expected {first.shape} as before")
+    for number in range(len(source)):
+        picture = picture_alike(source, number, first)
         distance, found = _found(subsets, first, picture, start)
         displacement[number] = distance @ subsets.directions
         status = np.where(status == Status.OK, found, status)

@@ -66,14 +66,12 @@ class Pyramid:
 
 
 @cache
-def steerable_pyramid(
-    shape: tuple[int, int], lowest: float, rings_an_octave: int, directions: int
-) -> Pyramid:
-    """Bands of pictures of a ``shape``, both sides odd, down to the frequency ``lowest``, cycles a
-    pixel."""
+def steerable_pyramid(shape: tuple[int, int], lowest: float, directions: int) -> Pyramid:
+    """Bands an octave wide of pictures of a ``shape``, both sides odd, down to the frequency
+    ``lowest``, cycles a pixel."""
     fy, fx = ((np.arange(size) - size // 2) / size for size in shape)
     with np.errstate(divide="ignore"):
-        place = np.log2(np.hypot(fy[:, None], fx) / TOP) * rings_an_octave
+        place = np.log2(np.hypot(fy[:, None], fx) / TOP)
     angle = np.arctan2(fy[:, None], fx)
     turns = [angle - np.pi * number / directions for number in range(directions)]
     around = [np.maximum(np.cos(turn), 0.0) ** (directions - 1) for turn in turns]
@@ -81,7 +79,7 @@ def steerable_pyramid(
     once = np.square(around).sum(axis=0)
     norm = np.sqrt(once + once[::-1, ::-1])  # and as opposite
     bands: list[Band] = []
-    count = int(np.ceil(np.log2(TOP / lowest) * rings_an_octave)) + 1
+    count = int(np.ceil(np.log2(TOP / lowest))) + 1
     for ring in range(count):
         inside = np.clip(place + ring, -1.0, 0.0 if ring == 0 else 1.0)
         radial = np.cos(0.5 * np.pi * inside) * (np.abs(inside) < 1.0)

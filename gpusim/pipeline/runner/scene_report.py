@@ -112,7 +112,7 @@ class SceneReport:
             tolerance=scene.solver.tolerance,
             figures=(*self._charts(), *(item for one in told for item in one.figures)),
             modes=self._modes,
-            first_tables=mode_table(self._modes),
+            first_tables=(*mode_table(self._modes), *(item for one in told for item in one.tables)),
             tables=newton_table(self._load_steps),
             links=self._links(),
         )

@@ -62,7 +62,7 @@ def measure_modes(
         "complexity": found.complexity,
     }  # fmt: skip
     columns |= {name: _of_pairs(columns[name], pair) for name in columns if "true" in name}
-    columns["mac"] = likeness
+    columns |= {"true_mode": np.where(pair < 0, np.nan, pair + 1), "mac": likeness}
     numbers = tuple(f"mode {k}" for k in range(1, len(pair) + 1))
     true_shapes = _of_pairs(true.shapes, pair)
     size = np.einsum("npk,npk->n", true_shapes, true_shapes)
