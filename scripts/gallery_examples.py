@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -30,20 +31,21 @@ def maps(
         return small(Path(folder, "figures", figure), part)
 
 
-def one_period(scene: gs.Scene, body: str, amplitude_mm: float) -> list[Picture]:
-    """Small pictures of a body in its lowest mode by the scene's camera, each exposed from one to
-    the next, so that they can be played again and again."""
-    (camera,) = (one.name for one in scene.cameras)
+def vibrating(example: str, amplitude_mm: float, size: tuple[int, int], part: float) -> list[Any]:
+    """Pictures (H, W), one after the other, of an example in its lowest mode: a ``part`` of a
+    period, that a whole one can be played again and again."""
+    document = gs.load_scene(ROOT / "examples" / f"{example}.toml").document
+    del document["camera"][0]["shutter"], document["video"]
+    document["camera"][0]["resolution_px"] = [*size]
     modal = {"type": "modal", "count": 1, "amplitude_mm": amplitude_mm}
     with tempfile.TemporaryDirectory() as folder:
-        report = gs.run(scene.replace("analysis", modal).replace("camera", []), folder)
-    (rate,) = (one["frequency_Hz"] for one in report.modes if one["body"] == body)
-    document = scene.document
-    document["analysis"] = modal | {"duration_s": (PHASES - 0.5) / PHASES / rate}
-    document["video"] = {"frame_rate_Hz": PHASES * rate, "exposure_us": 0.99e6 / PHASES / rate}
-    document["camera"][0]["resolution_px"] = [360, 240]
+        shape = gs.Scene.from_document({**document, "analysis": modal, "camera": []})
+        rate = max(one["frequency_Hz"] or 0.0 for one in gs.run(shape, folder).modes)
+    document["analysis"] = modal | {"duration_s": (part - 0.5 / PHASES) / rate}
+    document["video"] = {"frame_rate_Hz": PHASES * rate}
+    (camera,) = (one["name"] for one in document["camera"])
     with tempfile.TemporaryDirectory() as folder:
-        gs.run(gs.Scene.from_document(document, files=scene.files), folder)
+        gs.run(gs.Scene.from_document(document), folder)
         return list(gs.read_video(Path(folder, "video", f"{camera}.mkv")))
 
 
