@@ -338,20 +338,16 @@ class _Checks:
     def films(self) -> None:
         """There are cameras that film, and one frame rate."""
         video, own = table_of(self.document, "video"), self.analysis.get("frame_rate_Hz")
-        got, wanted = Words("no frame_rate_Hz"), "frames per second, here or in [video]"
-        if "video" not in self.document:
-            if self.rate is None and "duration_s" in self.analysis:
-                self.add(("analysis", "frame_rate_Hz"), "missing", got, wanted)
-            return
-        rate = video.get("frame_rate_Hz", own)
-        if rate is self.rate is None and not unknown_keys(video, VideoTable):
-            self.add(
-                ("video", "frame_rate_Hz"), "missing", got, wanted.replace("video", "analysis")
-            )
+        where = "video" if "video" in self.document else "analysis"
         self.refer_each(("video", "cameras"), video.get("cameras"), _names(self.cameras), "camera")
-        if not self.cameras:
+        if where == "video" and not self.cameras:
             got, wanted = Words("no camera"), "at least one [[camera]]"
             self.add(("video",), "needs a camera", got, wanted)
+        rate = video.get("frame_rate_Hz", own)
+        asked = where == "video" or "duration_s" in self.analysis
+        if rate is self.rate is None and asked and not unknown_keys(video, VideoTable):
+            got, wanted = Words("no frame_rate_Hz"), "frames per second, in [video] or [analysis]"
+            self.add((where, "frame_rate_Hz"), "missing", got, wanted)
         if own not in (None, rate):
             wanted = f"{value_text(own)}, which analysis.frame_rate_Hz says, or one of them"
             self.add(("video", "frame_rate_Hz"), "said twice", rate, wanted)

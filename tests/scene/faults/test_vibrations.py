@@ -97,7 +97,7 @@ def test_a_shutter_before_what_does_not_move() -> None:
     ("analysis", "line"),
     [
         ({"type": "transient", "duration_s": 1.0}, "analysis.frame_rate_Hz: missing; got no "
-         "frame_rate_Hz; expected frames per second, here or in [video]"),
+         "frame_rate_Hz; expected frames per second, in [video] or [analysis]"),
         ({**MODAL, "load_factors": [0.0, 2.0]}, 'analysis.load_factors: unknown key; expected '
          'one of type, count, modes, amplitude_mm, phases, duration_s, frame_rate_Hz, band_Hz, '
          'mass, prestress (a key of "static")'),

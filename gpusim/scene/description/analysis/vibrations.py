@@ -69,7 +69,7 @@ class OscillationTable(AnalysisTable):
     @property
     def phase_count(self) -> int:
         """Frames of each motion that is shown in phases."""
-        return 1
+        return int(getattr(self, "phases", 1) or _PHASES)
 
     @cached_property
     def oscillations(self) -> tuple[tuple[float, ...], ...]:
@@ -135,11 +135,6 @@ class FilmedTable(OscillationTable):
     vibrations from where loads are greatest."""
     frame_rate_Hz: Rate | None = None
     """The camera's, of frames in time; said here or in [video]."""
-
-    @property
-    def phase_count(self) -> int:
-        """As many as are asked for."""
-        return self.phases or _PHASES
 
     @model_validator(mode="after")
     def _check_time(self) -> Self:
