@@ -79,8 +79,16 @@ class Stepped:
         return {tuple(state): number for number, state in enumerate(self.states)}
 
 
+class _Unloaded:
+    """A motion whose forces aren't known."""
+
+    def reactions(self, state: State) -> Float:
+        """None."""
+        return np.zeros((0, 3))
+
+
 @dataclass(frozen=True, eq=False)
-class Given:
+class Given(_Unloaded):
     """Another program's displacements ``at`` a time, (N, 3) m."""
 
     at: Callable[[float], Float]
@@ -90,13 +98,9 @@ class Given:
         (time,) = state
         return self.at(time)
 
-    def reactions(self, state: State) -> Float:
-        """None."""
-        return np.zeros((0, 3))
-
 
 @dataclass(frozen=True, eq=False)
-class Oscillation:
+class Oscillation(_Unloaded):
     """Motions of one frequency each, of which a state names one by its number and says what share
     of its period has passed: ``rest`` + Re(amplitude exp(2 pi i share)).
 
@@ -125,10 +129,6 @@ class Oscillation:
     def frequency(self, state: State) -> float:
         """Hz; 0 where nothing moves."""
         return float(self.frequencies[self._place(state)]) if state[0] else 0.0
-
-    def reactions(self, state: State) -> Float:
-        """None."""
-        return np.zeros((0, 3))
 
     def _part(self, state: State, factor: complex) -> Float:
         if not state[0]:
@@ -168,7 +168,7 @@ class Course:
 
 
 @dataclass(frozen=True, eq=False)
-class Transient:
+class Transient(_Unloaded):
     """A motion in time; a state is an instant. ``course``: of the nodes (N, 3) m, or of the
     amplitudes (n,) of ``shapes`` (n, N, 3), of which the first m may be modes, ``natural`` (2, m):
     their frequencies (Hz) and shares of critical damping."""
@@ -188,10 +188,6 @@ class Transient:
     def later(self, state: State, seconds: float) -> State:
         """Another instant."""
         return (state[0] + seconds,)
-
-    def reactions(self, state: State) -> Float:
-        """None."""
-        return np.zeros((0, 3))
 
     def _at(self, state: State) -> tuple[Float, Float]:
         u, v = self.course.at(state[0])
