@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from gpusim.arrays.array_types import Float, Int, Long
-from gpusim.deck.materials import Body
+from gpusim.deck.materials import FROM_ABAQUS, Body
 from gpusim.errors import InputError
 from gpusim.fem import Material
 from gpusim.fem.elements.element import ELEMENTS
@@ -20,9 +20,6 @@ from gpusim.mesh.formats.abaqus.cards import Card, number, whole
 from gpusim.mesh.quadrature import cell_rule
 from gpusim.mesh.shape_functions import shape_functions
 from gpusim.validation import require
-
-# CalculiX gives xx yy zz xy xz yz, we have xx yy zz xy yz zx.
-_ORDER = [0, 1, 2, 3, 5, 4]
 
 
 class InitialStress:
@@ -44,7 +41,7 @@ class InitialStress:
         expected = "element, integration point (or none: all), six stresses"
         for where, row in card.records(7, 8, expected, counted=True):
             cells = self.body.labelled.cell_index(self.body.content.cells_named(row[0], where))
-            stress = np.array([number(text, where) for text in row[-6:]])[_ORDER]
+            stress = np.array([number(text, where) for text in row[-6:]])[FROM_ABAQUS]
             point = whole(row[1], where) if len(row) == 8 else None
             self._set(cells, point, stress, where)
 
