@@ -81,8 +81,16 @@ class Stepped:
         return {tuple(state): number for number, state in enumerate(self.states)}
 
 
+class _Unloaded:
+    """A motion whose forces aren't known."""
+
+    def reactions(self, state: State) -> Float:
+        """None."""
+        return np.zeros((0, 3))
+
+
 @dataclass(frozen=True, eq=False)
-class Given:
+class Given(_Unloaded):
     """Another program's displacements ``at`` a time, (N, 3) m."""
 
     at: Callable[[float], Float]
@@ -92,13 +100,9 @@ class Given:
         (time,) = state
         return self.at(time)
 
-    def reactions(self, state: State) -> Float:
-        """None."""
-        return np.zeros((0, 3))
-
 
 @dataclass(frozen=True, eq=False)
-class Oscillation:
+class Oscillation(_Unloaded):
     """Motions of one frequency each, of which a state names one by its number, or `ALL`, and says
     what share of its period, and what time after that (s, 0 if it isn't said), has passed: ``rest``
     + Re(amplitude exp(2 pi i (share + frequency time))), summed over `ALL`.
@@ -128,10 +132,6 @@ class Oscillation:
     def frequency(self, state: State) -> float:
         """Hz; 0 where nothing moves, or all do."""
         return float(self.frequencies[self._places(state)[0]]) if state[0] > 0 else 0.0
-
-    def reactions(self, state: State) -> Float:
-        """None."""
-        return np.zeros((0, 3))
 
     def _part(self, state: State, derivative: int) -> Float:
         total = np.zeros_like(self.rest)
@@ -176,7 +176,7 @@ class Course:
 
 
 @dataclass(frozen=True, eq=False)
-class Transient:
+class Transient(_Unloaded):
     """A motion in time; a state is an instant. ``course``: of the nodes (N, 3) m, or of the
     amplitudes (n,) of ``shapes`` (n, N, 3), of which the first m may be modes, ``natural`` (2, m):
     their frequencies (Hz) and shares of critical damping."""
@@ -196,10 +196,6 @@ class Transient:
     def later(self, state: State, seconds: float) -> State:
         """Another instant."""
         return (state[0] + seconds,)
-
-    def reactions(self, state: State) -> Float:
-        """None."""
-        return np.zeros((0, 3))
 
     def _at(self, state: State) -> tuple[Float, Float]:
         u, v = self.course.at(state[0])
