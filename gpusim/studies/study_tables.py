@@ -21,6 +21,8 @@ from gpusim.scene.tables.table import Count, Listed, Pair, Seed, Table, fault
 from gpusim.scene.toml_text import parse_toml, toml_text
 from gpusim.studies.expressions import FUNCTIONS
 
+COPY = "study.toml"
+"""The study in its folder."""
 DISTRIBUTIONS = "uniform", "log_uniform", "normal", "log_normal"
 _POSITIVE = "log_uniform", "log_normal"
 
