@@ -146,7 +146,7 @@ def _print(content: dict[str, Any], folder: Path) -> None:
         out(f"{count:6}  {text}")
     if len(errors) > _MOST_ERRORS:
         out(f"and {len(errors) - _MOST_ERRORS} other errors, in samples.csv")
-    if not content["running"]:
+    if (folder / "samples.csv").exists():
         out(f"\nTable: {folder / 'samples.csv'}")
 
 
