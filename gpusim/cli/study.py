@@ -74,9 +74,13 @@ def study(
         if output is not None:
             check_folder(output)
         with importing():
-            from gpusim.studies import load_study, samples_of, study_plan
-            from gpusim.studies.study import COPY, checked_samples
-            from gpusim.studies.study import study as work_off
+            from gpusim.studies import load_study, samples_of
+            from gpusim.studies.study_tables import COPY
+
+            if not status:
+                from gpusim.studies.plan import study_plan
+                from gpusim.studies.study import checked_samples
+                from gpusim.studies.study import study as work_off
 
             folder = output or (study if study.is_dir() else None)
             file = inside(study, COPY) if study.is_dir() else study
@@ -142,7 +146,7 @@ def _print(content: dict[str, Any], folder: Path) -> None:
         out(f"{count:6}  {text}")
     if len(errors) > _MOST_ERRORS:
         out(f"and {len(errors) - _MOST_ERRORS} other errors, in samples.csv")
-    if not content["running"]:
+    if (folder / "samples.csv").exists():
         out(f"\nTable: {folder / 'samples.csv'}")
         if (card := folder / "dataset" / "README.md").is_file():
             out(f"Data set: {card}")
