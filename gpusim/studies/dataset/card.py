@@ -5,12 +5,15 @@ from __future__ import annotations
 import platform
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gpusim._version import __version__
 from gpusim.graph.stage import digest
 from gpusim.pipeline.pictures.file_names import image_name
-from gpusim.studies.dataset_table import DatasetTable
-from gpusim.studies.study_tables import Study
+
+if TYPE_CHECKING:  # who calls this knows them
+    from gpusim.studies.dataset_table import DatasetTable
+    from gpusim.studies.study_tables import Study
 
 MANIFESTS = "manifest.parquet", "manifest.csv"
 _FLOW = {

@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import groupby
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from gpusim._version import __version__
+from gpusim.export.columns import column_files, column_of
 from gpusim.export.images import encoded_picture, read_image
 from gpusim.files.input_file import InputFile
 from gpusim.files.output_folder import inside
@@ -26,12 +27,13 @@ from gpusim.studies.dataset.label_files import label_bytes
 from gpusim.studies.dataset.point_labels import LabelledPicture, bop_scene, coco_keypoints
 from gpusim.studies.dataset.sample_results import OpenedSample, SampleResults
 from gpusim.studies.dataset.splits import CropWindow, crop_windows, split_of_structures
-from gpusim.studies.dataset_table import OF_POINTS, DatasetTable
-from gpusim.studies.rows import Row
-from gpusim.studies.samples import Sample
-from gpusim.studies.study_tables import Study
-from gpusim.studies.table import column_files, column_of
 from gpusim.validation import require
+
+if TYPE_CHECKING:  # who calls this knows them
+    from gpusim.studies.dataset_table import DatasetTable
+    from gpusim.studies.rows import Row
+    from gpusim.studies.samples import Sample
+    from gpusim.studies.study_tables import Study
 
 _FROM_FRAME_0 = "flow", "forward_flow", "displacement", "visibility"
 """Layers that say nothing of frame 0 itself."""
@@ -91,9 +93,10 @@ def write_dataset(
 
     Examples
     --------
-    >>> from gpusim.studies import load_study, samples_of
+    >>> from pathlib import Path
+    >>> from gpusim.studies import load_study
     >>> from gpusim.studies.dataset import write_dataset
-    >>> _ = open("study.toml", "w").write('scene = "bar.toml"')
+    >>> _ = Path("study.toml").write_text('scene = "bar.toml"')
     >>> write_dataset(load_study("study.toml"), [], {}, Path("out")) is None
     True
     """
@@ -177,7 +180,6 @@ def _write_shard(items: Sequence[DatasetItem], table: DatasetTable, stream: Bina
 def item_files(item: DatasetItem, table: DatasetTable) -> dict[str, bytes]:
     """The files of an item by name: pictures and layers of each of its frames, and a JSON file."""
     files, facts = {}, item.facts()
-    pointed = any(label in OF_POINTS for label in table.labels)
     for place, frame in enumerate(item.frames):
         picture = item.results.picture(item.camera, frame)
         files[f"{item.name}.{place}{item.results.suffix}"] = _cut(picture, item)
@@ -186,7 +188,7 @@ def item_files(item: DatasetItem, table: DatasetTable) -> dict[str, bytes]:
                 values = item.results.layer(item.camera, frame, layer, item.window)
                 ending, data = label_bytes(layer, values, table.flow_format)
                 files[f"{item.name}.{place}.{layer}.{ending}"] = data
-    if pointed:
+    if table.has_points:
         objects = item.results.labels["objects"]
         facts["pictures"] = [
             {"K": one.K.tolist(), "distortion": one.labels["cameras"][one.camera]["distortion"],
