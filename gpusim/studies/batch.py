@@ -46,8 +46,9 @@ def targets(study: Study, scene: Scene) -> set[str]:
 
 def _bare(study: Study) -> Scene:
     """The base scene without output that samples don't make: none of their stages is looked at."""
-    truth = study.scene.document["output"].get("truth", []) if study.truth else []
-    return study.scene.replace("output", {"fields": False, "truth": truth})
+    output = study.scene.document["output"] if study.truth else {}
+    kept = {key: output[key] for key in ("truth", "labels") if key in output}
+    return study.scene.replace("output", {"fields": False, **kept})
 
 
 class Worker:
