@@ -15,17 +15,13 @@ from gpusim.files.atomic_files import write_text
 from gpusim.files.output_folder import check_below, claim, inside
 from gpusim.graph.folder import INNER
 from gpusim.pipeline.runner.stage_log import Progress, silent
-from gpusim.studies.batch import Worker
-from gpusim.studies.dataset import write_dataset
+from gpusim.studies.batch import Worker, bare
 from gpusim.studies.executors import Client, Here, LocalPool, Pool, local_workers
 from gpusim.studies.plan import StudyPlan, check_samples, study_plan
 from gpusim.studies.rows import FINAL, RowLog, read_rows
 from gpusim.studies.samples import Sample, samples_of
-from gpusim.studies.study_tables import Study, load_study, study_text
+from gpusim.studies.study_tables import COPY, Study, load_study, study_text
 from gpusim.studies.table import SampleTable
-
-COPY = "study.toml"
-"""The study in its folder."""
 
 
 def study(
@@ -79,6 +75,8 @@ def study(
         table = SampleTable.from_rows(loaded, samples, rows)
         table.write(folder)
         if loaded.tables.dataset is not None:
+            from gpusim.studies.dataset import write_dataset  # OpenCV and HDF5
+
             write_dataset(loaded, samples, rows, folder, progress or silent)
     return table
 
@@ -112,7 +110,7 @@ def work_off(
     bar(Counter())
     if pool is None:
         return
-    client = Client(study, left, plan.structures.tolist(), out, pool, bar)
+    client = Client(bare(study), left, plan.structures.tolist(), out, pool, bar)
     if isinstance(pool, Here):
         pool.worker.log.told = client.look
     client.work_off()
