@@ -148,7 +148,7 @@ def _print(content: dict[str, Any], folder: Path) -> None:
         out(f"and {len(errors) - _MOST_ERRORS} other errors, in samples.csv")
     if (folder / "samples.csv").exists():
         out(f"\nTable: {folder / 'samples.csv'}")
-        if (card := folder / "dataset" / "README.md").is_file():
+        if (card := inside(folder, "dataset/README.md")).is_file():
             out(f"Data set: {card}")
 
 

@@ -14,8 +14,6 @@ Label = Literal[
     "flow", "forward_flow", "displacement", "depth", "normal", "region", "element", "visibility",
     "keypoints", "poses",
 ]  # fmt: skip
-OF_POINTS = ("keypoints", "poses")
-"""Labels that are no layers of truth.h5."""
 _UNIT = 1e-9
 """By which shares may miss 1 in all, through rounding."""
 
@@ -70,15 +68,19 @@ class DatasetTable(Table):
     @property
     def layers(self) -> tuple[str, ...]:
         """The labels that are layers of truth.h5."""
-        return tuple(label for label in self.labels if label not in OF_POINTS)
+        return tuple(label for label in self.labels if label not in ("keypoints", "poses"))
+
+    @property
+    def has_points(self) -> bool:
+        """Whether there are labels that are none."""
+        return len(self.layers) < len(self.labels)
 
     def labelled(self, scene: Scene) -> Scene:
         """The scene, with all that the labels are taken from. Raises InputError for one that has no
         such pictures."""
         self._check_scene(scene)
         truth = list(dict.fromkeys((*scene.output.truth, *self.layers)))
-        pointed = any(label in OF_POINTS for label in self.labels)
-        asked = {"output.truth": truth, "output.labels": scene.output.labels or pointed}
+        asked = {"output.truth": truth, "output.labels": scene.output.labels or self.has_points}
         own, files = scene.document, scene.files
         return Scene.from_document(own, source=scene.source, overrides=asked, files=files)
 

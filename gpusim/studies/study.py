@@ -20,7 +20,6 @@ from gpusim.pipeline.runner.stage_log import Progress, silent
 from gpusim.plan.scene_stages import scene_stages
 from gpusim.plan.stages import RunOptions
 from gpusim.studies.batch import Worker, bare
-from gpusim.studies.dataset import write_dataset
 from gpusim.studies.executors import Client, Here, LocalPool, Pool, local_workers
 from gpusim.studies.plan import StudyPlan, check_samples, study_plan
 from gpusim.studies.report import Pictures, write_study_report
@@ -85,6 +84,8 @@ def study(
         write_study_report(loaded, table, folder, _pictures(loaded, samples, folder))
         (progress or silent)("report", 1.0, "report.html, report.json")
         if loaded.tables.dataset is not None:
+            from gpusim.studies.dataset import write_dataset  # OpenCV and HDF5
+
             write_dataset(loaded, samples, rows, folder, progress or silent)
     return table
 

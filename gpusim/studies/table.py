@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gpusim.errors import InputError, nearest_name
+from gpusim.export.columns import Column, column_files, column_of
 from gpusim.files.atomic_files import write_bytes
 from gpusim.files.output_folder import inside
 from gpusim.studies.rows import Row
 from gpusim.studies.samples import Sample
 from gpusim.studies.study_tables import Study
 
-Column = npt.NDArray[Any]
 _KINDS = "measured", "truth", "error"
 
 
@@ -96,45 +91,7 @@ class SampleTable:
         return [write_bytes(inside(out, name), data) for name, data in files.items()]
 
 
-def column_files(name: str, columns: Mapping[str, Column]) -> dict[str, bytes]:
-    """The contents of <name>.csv and, where pyarrow is installed, of <name>.parquet."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(zip(*(map(_cell, one.tolist()) for one in columns.values()), strict=True))
-    files = {f"{name}.csv": stream.getvalue().encode()}
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError:
-        return files
-    plain = {
-        key: one if one.dtype.kind != "O" else [json.dumps(value) for value in one]
-        for key, one in columns.items()
-    }
-    file = pyarrow.BufferOutputStream()
-    pyarrow.parquet.write_table(pyarrow.table(plain), file)
-    return files | {f"{name}.parquet": file.getvalue().to_pybytes()}
-
-
 def column_name(quantity: tuple[str, str], kind: str) -> str:
     """What the column of a measured quantity is called."""
     name, unit = quantity
     return f"{name} {kind} [{unit}]" if unit else f"{name} {kind}"
-
-
-def column_of(values: Sequence[Any]) -> Column:
-    """Numbers, texts or booleans as such; anything else, lists too, as objects."""
-    kinds = {type(one) for one in values}
-    if kinds <= {int, float} or (len(kinds) == 1 and kinds <= {str, bool}):
-        return np.array(values)
-    column = np.empty(len(values), dtype=object)
-    column[:] = values
-    return column
-
-
-def _cell(value: Any) -> Any:
-    """In a CSV file: an empty cell for NaN, JSON for a list."""
-    if isinstance(value, float) and value != value:
-        return ""
-    return json.dumps(value) if isinstance(value, list | dict) else value

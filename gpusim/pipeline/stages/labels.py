@@ -22,14 +22,15 @@ from gpusim.mesh.boundary import Faces
 from gpusim.mesh.nearest_places import nearest_on_surface
 from gpusim.pipeline.measurements.material_points import MaterialPoints, TrueMotion
 from gpusim.pipeline.scene_objects.moving_bodies import scene_objects
+from gpusim.pipeline.scene_objects.surfaces import MIDDLES
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.scene.frames import FrameTable
 from gpusim.surface import PaintFrame, Surface
 
 FILE = "labels.json"
-_PITCHES = "pitch", "cell", "square"
-"""Of dots, checkers and ChArUco boards."""
+_PITCHES = {"checker": "cell", "charuco": "square", "dots": "pitch"}
+"""Of grids, by the kind of paint: what a paint table calls it."""
 
 
 def labels(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
@@ -39,24 +40,29 @@ def labels(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     frames = FrameTable(table)
     motion = TrueMotion(scene_objects(scene, inputs, [one.shown for one in frames], board))
     owners = [*scene.bodies, *(prop for prop in scene.props if prop.name != board)]
-    objects: list[dict[str, Any]] = []
-    places = []
+    objects, places = list[dict[str, Any]](), list[Float]()
     for owner, surface in zip(owners, motion.surfaces(None), strict=True):
-        named = [point for paint in owner.paints for point in _points(paint, surface)]
+        own = {paint.name: _points(paint, surface) for paint in owner.paints}
+        names = [f"{one}-{k:02d}" for one in own for k in range(1, len(own[one]) + 1)]
         kind = "body" if len(objects) < len(scene.bodies) else "prop"
-        names = [name for name, _ in named]
         objects.append({"name": owner.name, "kind": kind, "points": names})
-        places.append(np.array([place for _, place in named]).reshape(-1, 3))
+        places.append(np.concatenate([*own.values(), np.zeros((0, 3))]))
     points = _on_surfaces(motion.surfaces(None), places)
-    states: list[dict[str, Any]] = []
+    cameras = {one.name: motion.camera(one.name) for one in scene.cameras}
+    states = []
     for number in range(len(frames)):
         inputs.progress(number / len(frames), f"frame {number}")
-        seen = {camera.name: _keypoints(motion, points, camera.name, number).tolist()
-                for camera in scene.cameras}  # fmt: skip
-        poses = [rigid_motion(one.rest, one.points).tolist() for one in motion.surfaces(number)]
+        poses = [rigid_motion(one.rest, one.points) for one in motion.surfaces(number)]
+        seen = {name: _keypoints(motion, points, name, number) for name in cameras}
         states.append({"poses": poses, "keypoints": seen})
-    content = {"cameras": _cameras(scene, motion), "objects": objects, "frames": states}
-    return StageResult({FILE: json.dumps(content).encode()}, words=f"{len(points)} points")
+    pinholes = {
+        name: {"K": one.K, "camera_from_world": one.camera_from_world,
+               "distortion": () if one.distortion is None else one.distortion}
+        for name, one in cameras.items()
+    }  # fmt: skip
+    content = {"cameras": pinholes, "objects": objects, "frames": states}
+    text = json.dumps(content, default=np.ndarray.tolist)
+    return StageResult({FILE: text.encode()}, words=f"{len(points)} points")
 
 
 def rigid_motion(before: Float, after: Float) -> Float:
@@ -70,38 +76,18 @@ def rigid_motion(before: Float, after: Float) -> Float:
     return pose
 
 
-def _cameras(scene: Scene, motion: TrueMotion) -> dict[str, Any]:
-    """What a camera's pictures are taken with."""
-    found = {}
-    for spec in scene.cameras:
-        camera = motion.camera(spec.name)
-        distortion = () if camera.distortion is None else camera.distortion
-        found[spec.name] = {
-            "width": camera.width, "height": camera.height, "K": camera.K.tolist(),
-            "distortion": np.asarray(distortion).tolist(),
-            "camera_from_world": camera.camera_from_world.tolist(),
-        }  # fmt: skip
-    return found
-
-
-def _points(paint: m.Paint, surface: Surface) -> list[tuple[str, Float]]:
-    """Names, and places (3,) m at rest, of a paint's markers, inner corners or dots."""
-    if isinstance(paint, m.MarkersTable):
-        return [(marker.name, np.array(marker.position)) for marker in paint.markers]
-    if isinstance(paint, m.CirclesTable | m.ArucoTable | m.RingCodesTable | m.StarTable):
-        found = [np.array(place) for place in paint.places]
-    elif isinstance(paint, m.CheckerTable | m.CharucoTable | m.DotsTable):
-        frame = surface.frames[paint.name]
-        if not isinstance(frame, PaintFrame):  # round a cylinder
-            return []
-        inner = not isinstance(paint, m.DotsTable)
-        t, s = np.indices((paint.rows - inner, paint.columns - inner)).reshape(2, -1, 1) + inner
-        pitch = next(getattr(paint, key) for key in _PITCHES if hasattr(paint, key))
-        first = np.array(paint.places[0])
-        found = list(first + pitch * (s * frame.s_axis + t * frame.t_axis))
-    else:
-        return []
-    return [(f"{paint.name}-{number:02d}", place) for number, place in enumerate(found, start=1)]
+def _points(paint: m.Paint, surface: Surface) -> Float:
+    """Places (P, 3) m at rest of a paint's markers, dots or inner corners."""
+    frame = surface.frames.get(paint.name)
+    if not isinstance(paint, m.PlainTable) and paint.type in MIDDLES:
+        return np.array(paint.places)
+    if paint.type not in _PITCHES or not isinstance(frame, PaintFrame):  # or round a cylinder
+        return np.zeros((0, 3))
+    inner = paint.type != "dots"
+    size: Any = paint
+    t, s = np.indices((size.rows - inner, size.columns - inner)).reshape(2, -1, 1) + inner
+    pitch = getattr(paint, _PITCHES[paint.type])
+    return np.asarray(size.places[0] + pitch * (s * frame.s_axis + t * frame.t_axis))
 
 
 def _on_surfaces(surfaces: Sequence[Surface], places: Sequence[Float]) -> MaterialPoints:

@@ -144,10 +144,10 @@ class ForwardFlow:
             own = self._motion.body(points) >= 0
             self._points[camera] = pixels[own], points[own]
         pixels, points = self._points[camera]
-        column, row = pixels.astype(np.int64).T
         flow = self._motion.pixels(points, camera, frame) - pixels
         ahead = np.isfinite(flow).all(axis=1)
-        return row[ahead], column[ahead], flow[ahead]
+        column, row = pixels[ahead].astype(np.int64).T
+        return row, column, flow[ahead]
 
 
 def sight(

@@ -51,6 +51,16 @@ class LabelledPicture:
         world = np.array(self.labels["cameras"][self.camera]["camera_from_world"])
         return np.asarray(world @ np.array(self.labels["frames"][self.frame]["poses"]))
 
+    def facts(self) -> dict[str, Any]:
+        """What the item's own JSON file says of it."""
+        told = zip(self.labels["objects"], self.poses, self.keypoints, strict=True)
+        objects = [
+            {"name": one["name"], "camera_from_object_m": pose, "keypoints": rows}
+            for one, pose, rows in told
+        ]
+        distortion = self.labels["cameras"][self.camera]["distortion"]
+        return {"K": self.K, "distortion": distortion, "objects": objects}
+
 
 def coco_keypoints(pictures: Iterable[LabelledPicture]) -> dict[str, Any]:
     """The content of a COCO file of keypoints (cocodataset.org, "Keypoint detection").
@@ -80,9 +90,8 @@ def coco_keypoints(pictures: Iterable[LabelledPicture]) -> dict[str, Any]:
             low, extent = labelled.min(axis=0), np.ptp(labelled, axis=0)
             annotations.append({
                 "id": len(annotations) + 1, "image_id": number, "category_id": category["id"],
-                "keypoints": rows.ravel().tolist(), "num_keypoints": len(labelled),
-                "bbox": [*(low + 0.5).tolist(), *extent.tolist()],
-                "area": float(np.prod(extent)), "iscrowd": 0,
+                "keypoints": rows.ravel(), "num_keypoints": len(labelled),
+                "bbox": [*(low + 0.5), *extent], "area": float(np.prod(extent)), "iscrowd": 0,
             })  # fmt: skip
     info = {"description": "made by gpusim", "version": __version__}
     return {"info": info, "images": images, "annotations": annotations,
@@ -107,13 +116,12 @@ def bop_scene(pictures: Iterable[LabelledPicture]) -> tuple[dict[str, Any], dict
         own = picture.labels["cameras"][picture.camera]
         world = np.array(own["camera_from_world"])
         cameras[str(number)] = {
-            "cam_K": picture.K.ravel().tolist(), "depth_scale": 1e3,
-            "cam_R_w2c": world[:3, :3].ravel().tolist(),
-            "cam_t_w2c": (1e3 * world[:3, 3]).tolist(), "distortion": own["distortion"],
+            "cam_K": picture.K.ravel(), "depth_scale": 1e3, "cam_R_w2c": world[:3, :3].ravel(),
+            "cam_t_w2c": 1e3 * world[:3, 3], "distortion": own["distortion"],
         }  # fmt: skip
         truth[str(number)] = [
             {"obj_id": known.setdefault(one["name"], len(known) + 1),
-             "cam_R_m2c": pose[:3, :3].ravel().tolist(), "cam_t_m2c": (1e3 * pose[:3, 3]).tolist()}
+             "cam_R_m2c": pose[:3, :3].ravel(), "cam_t_m2c": 1e3 * pose[:3, 3]}
             for one, pose in zip(picture.labels["objects"], picture.poses, strict=True)
         ]  # fmt: skip
     return cameras, truth

@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import h5py
 import numpy as np
@@ -23,8 +23,10 @@ from gpusim.pipeline.pictures.file_names import image_name
 from gpusim.plan.scene_stages import scene_stages
 from gpusim.plan.stages import RunOptions
 from gpusim.studies.dataset.splits import CropWindow
-from gpusim.studies.samples import Sample
-from gpusim.studies.study_tables import Study
+
+if TYPE_CHECKING:  # who calls this knows them
+    from gpusim.studies.samples import Sample
+    from gpusim.studies.study_tables import Study
 
 
 class OpenedSample(ExitStack):

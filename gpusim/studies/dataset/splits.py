@@ -9,6 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gpusim.validation import require
+
 
 class CropWindow(NamedTuple):
     """A part of a picture, px: its first column and row, its width and height."""
@@ -51,7 +53,8 @@ def crop_windows(
     name: str,
 ) -> list[CropWindow]:
     """Where an item of that ``name`` is cut out of pictures of that ``resolution``: at ``crops``
-    random places, or ("grid") side by side, with the rest as their border.
+    random places, or ("grid") side by side, with the rest as their border. Raises InputError for
+    pictures that are smaller.
 
     Examples
     --------
@@ -61,6 +64,8 @@ def crop_windows(
     """
     width, height = size or resolution
     free = resolution[0] - width, resolution[1] - height
+    most = f"at most {resolution[0]} x {resolution[1]}"
+    require(min(free) >= 0, f"[dataset] crop_px, item {name}", f"{width} x {height}", most)
     if crops == "grid":
         columns, rows = resolution[0] // width, resolution[1] // height
         left, top = (resolution[0] - columns * width) // 2, (resolution[1] - rows * height) // 2

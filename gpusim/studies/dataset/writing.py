@@ -10,9 +10,12 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import groupby
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
 
 from gpusim._version import __version__
+from gpusim.export.columns import column_files, column_of
 from gpusim.export.images import encoded_picture, read_image
 from gpusim.files.input_file import InputFile
 from gpusim.files.output_folder import inside
@@ -26,12 +29,12 @@ from gpusim.studies.dataset.label_files import label_bytes
 from gpusim.studies.dataset.point_labels import LabelledPicture, bop_scene, coco_keypoints
 from gpusim.studies.dataset.sample_results import OpenedSample, SampleResults
 from gpusim.studies.dataset.splits import CropWindow, crop_windows, split_of_structures
-from gpusim.studies.dataset_table import OF_POINTS, DatasetTable
-from gpusim.studies.rows import Row
-from gpusim.studies.samples import Sample
-from gpusim.studies.study_tables import Study
-from gpusim.studies.table import column_files, column_of
-from gpusim.validation import require
+
+if TYPE_CHECKING:  # who calls this knows them
+    from gpusim.studies.dataset_table import DatasetTable
+    from gpusim.studies.rows import Row
+    from gpusim.studies.samples import Sample
+    from gpusim.studies.study_tables import Study
 
 _FROM_FRAME_0 = "flow", "forward_flow", "displacement", "visibility"
 """Layers that say nothing of frame 0 itself."""
@@ -91,9 +94,10 @@ def write_dataset(
 
     Examples
     --------
-    >>> from gpusim.studies import load_study, samples_of
+    >>> from pathlib import Path
+    >>> from gpusim.studies import load_study
     >>> from gpusim.studies.dataset import write_dataset
-    >>> _ = open("study.toml", "w").write('scene = "bar.toml"')
+    >>> _ = Path("study.toml").write_text('scene = "bar.toml"')
     >>> write_dataset(load_study("study.toml"), [], {}, Path("out")) is None
     True
     """
@@ -125,14 +129,10 @@ def dataset_items(table: DatasetTable, results: Sequence[SampleResults]) -> list
         sample, later = own.sample, range(1, own.frames)
         shown = [(0, k) for k in later] if table.items == "pairs" else [tuple(range(own.frames))]
         for camera in table.cameras or tuple(own.resolutions):
-            wide, high = own.resolutions[camera]
-            width, height = table.crop_px or (wide, high)
-            what = f"[dataset] crop_px, sample {sample.number}, camera {camera!r}"
-            fits = width <= wide and height <= high
-            require(fits, what, f"{width} x {height}", f"at most {wide} x {high}")
+            size = own.resolutions[camera]
             for frames in shown:
                 name = f"{sample.number:06d}-{camera}-{frames[-1]:04d}"
-                windows = crop_windows((wide, high), table.crop_px, table.crops, table.seed, name)
+                windows = crop_windows(size, table.crop_px, table.crops, table.seed, name)
                 items += [
                     DatasetItem(f"{name}-{number:03d}", own, camera, frames, window)
                     for number, window in enumerate(windows)
@@ -147,12 +147,12 @@ def _units(
     items: Sequence[DatasetItem], shards: int | None
 ) -> Iterator[tuple[str, Sequence[DatasetItem]]]:
     """Items that are written together: one, or those of a shard, a tar file of that name."""
+    size = shards or 1
     for split, group in groupby(items, key=lambda one: one.split):
         own = list(group)
-        for first in range(0, len(own), shards or 1):
-            part = own[first : first + (shards or 1)]
-            name = f"{first // shards:06d}.tar" if shards else part[0].name
-            yield f"{split}/{name}", part
+        for first in range(0, len(own), size):
+            name = f"{first // size:06d}.tar" if shards else f"{own[first].name}.json"
+            yield f"{split}/{name}", own[first : first + size]
 
 
 def _unit_files(
@@ -177,7 +177,6 @@ def _write_shard(items: Sequence[DatasetItem], table: DatasetTable, stream: Bina
 def item_files(item: DatasetItem, table: DatasetTable) -> dict[str, bytes]:
     """The files of an item by name: pictures and layers of each of its frames, and a JSON file."""
     files, facts = {}, item.facts()
-    pointed = any(label in OF_POINTS for label in table.labels)
     for place, frame in enumerate(item.frames):
         picture = item.results.picture(item.camera, frame)
         files[f"{item.name}.{place}{item.results.suffix}"] = _cut(picture, item)
@@ -186,18 +185,9 @@ def item_files(item: DatasetItem, table: DatasetTable) -> dict[str, bytes]:
                 values = item.results.layer(item.camera, frame, layer, item.window)
                 ending, data = label_bytes(layer, values, table.flow_format)
                 files[f"{item.name}.{place}.{layer}.{ending}"] = data
-    if pointed:
-        objects = item.results.labels["objects"]
-        facts["pictures"] = [
-            {"K": one.K.tolist(), "distortion": one.labels["cameras"][one.camera]["distortion"],
-             "objects": [
-                 {"name": known["name"], "camera_from_object_m": pose.tolist(),
-                  "keypoints": rows.tolist()}
-                 for known, pose, rows in zip(objects, one.poses, one.keypoints, strict=True)
-             ]}
-            for one in _pictures([item])
-        ]  # fmt: skip
-    files[f"{item.name}.json"] = json.dumps(facts).encode()
+    if table.has_points:
+        facts["pictures"] = [one.facts() for one in _pictures([item])]
+    files[f"{item.name}.json"] = _json(facts)
     return files
 
 
@@ -226,26 +216,25 @@ def _about(
     """Manifests, of the whole and of each split; card; what COCO and BOP have in one file for all
     pictures of a split."""
     files: dict[str, Content] = {}
-    counts, every = {}, [one for _, own in units for one in own]
-    whole = [
-        (item, unit if table.shards else f"{unit}.json") for unit, own in units for item in own
-    ]
+    counts: dict[str, list[int]] = {}
     for split in ("", *table.splits):
-        lines = [
-            {**item.facts(), "file": file} for item, file in whole if split in ("", item.split)
-        ]
+        filed = [(one, file) for file, own in units for one in own if split in ("", one.split)]
+        lines = [{**one.facts(), "file": file} for one, file in filed]
         if lines:
             columns = {name: column_of([line[name] for line in lines]) for name in lines[0]}
             files |= column_files(f"{split}/manifest".lstrip("/"), columns)
-    for split in table.splits:
-        own = [item for item in every if item.split == split]
-        structures = {one.results.structure for one in own}
-        counts[split] = len(own), len(structures), len({one.results.sample.number for one in own})
-        contents = {}
-        if "keypoints" in table.labels:
-            contents["coco_keypoints.json"] = coco_keypoints(_pictures(own))
-        if "poses" in table.labels:
-            contents["scene_camera.json"], contents["scene_gt.json"] = bop_scene(_pictures(own))
-        files |= {f"{split}/{name}": json.dumps(one).encode() for name, one in contents.items()}
-    files["README.md"] = card_text(study, table, counts, samples, [*files]).encode()
+        kinds = ({line[name] for line in lines} for name in ("item", "structure", "sample"))
+        counts[split] = [len(one) for one in kinds]
+        items = [one for one, _ in filed]
+        if split and "keypoints" in table.labels:
+            files[f"{split}/coco_keypoints.json"] = _json(coco_keypoints(_pictures(items)))
+        if split and "poses" in table.labels:
+            cameras, poses = map(_json, bop_scene(_pictures(items)))
+            files |= {f"{split}/scene_camera.json": cameras, f"{split}/scene_gt.json": poses}
+    used = counts.pop("")[2]
+    files["README.md"] = card_text(study, counts, used, samples, [*files]).encode()
     return files
+
+
+def _json(content: Any) -> bytes:
+    return json.dumps(content, default=np.ndarray.tolist).encode()

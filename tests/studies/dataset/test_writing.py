@@ -316,7 +316,7 @@ def test_the_card_of_repeats_in_shards_names_what_counts_up(tmp_path: Path) -> N
     text = "repeats = 2\n" + PARAMETERS + 'flow_format = "kitti"\nshards = 9\n'
     study = load_study(write_study(tmp_path, text))
     assert study.tables.dataset is not None
-    card = card_text(study, study.tables.dataset, {"train": (18, 2, 9)}, 16, ["manifest.csv"])
+    card = card_text(study, {"train": [18, 2, 9]}, 9, 16, ["manifest.csv"])
     for words in (
         "9 of 16 samples of a study; the others were refused or came to nothing",
         "crops and splits 0; sensor.seed: one more for each of 2 repeats",
