@@ -1,0 +1,124 @@
+"""What the keys of a budget's sources are in each draw.
+
+Numbers are a Latin hypercube's (McKay, Beckman & Conover, Technometrics 1979, 21(2), 239): as
+random as independent draws, with distributions that are filled evenly. Draw n of all sources
+together has the values that draw n of each source has, so that it isn't chance which makes the
+difference between the sum of their squares and what they do together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.stats import norm, qmc
+
+from gpusim.arrays.array_types import Float
+from gpusim.scene import Scene
+from gpusim.scene.faults.key_paths import pick
+from gpusim.study.budget.budget_tables import BudgetSourceTable, BudgetTable
+from gpusim.study.budget.sources import Sources
+from gpusim.validation import require
+
+Overrides = dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """A source ``name`` as it was drawn N times: ``overrides`` of the scene, ``values`` (N, P) of
+    its ``parameters``, NaN for what is no quantity."""
+
+    name: str
+    parameters: tuple[str, ...]
+    values: Float
+    overrides: Sequence[Overrides]
+    degrees_of_freedom: float | None
+
+
+def draw(scene: Scene, sources: Sources, tables: BudgetTable) -> list[Drawn]:
+    """All sources, each drawn ``tables.draws`` times. Raises InputError for a key that the scene
+    hasn't got, or that can't be drawn like that."""
+    document = scene.document
+    sizes = {
+        name: [(own, _nominal(own, document)) for own in group] for name, group in sources.items()
+    }
+    needed = sum(
+        1 if own.together or own.choices else sum(len(one) for one in nominal.values())
+        for group in sizes.values() for own, nominal in group if not own.seeds
+    )  # fmt: skip
+    shape = tables.draws, max(needed, 1)
+    evenly = iter(qmc.LatinHypercube(shape[1], rng=tables.seed).random(shape[0]).T)
+    found = []
+    for name, group in sizes.items():
+        changes = [
+            {key: value for own, _ in group for key, value in own.set.items()} for _ in range(shape[0])
+        ]
+        columns: dict[str, Float] = {}
+        for own, nominal in group:
+            for key, values, labels in _drawn(own, nominal, evenly, shape[0]):
+                columns |= labels
+                for change, value in zip(changes, values, strict=True):
+                    change.pop(key, None)  # what is set comes first
+                    change[key] = value
+        freedom = [one.degrees_of_freedom for one, _ in group if one.degrees_of_freedom]
+        found.append(Drawn(name, tuple(columns), np.column_stack([*columns.values()]), changes,
+                           min(freedom, default=None)))  # fmt: skip
+    return found
+
+
+def together(drawn: Sequence[Drawn]) -> list[Overrides]:
+    """The draws of all sources at once."""
+    every = zip(*(one.overrides for one in drawn), strict=True)
+    return [{key: value for own in row for key, value in own.items()} for row in every]
+
+
+def _nominal(own: BudgetSourceTable, document: Mapping[str, Any]) -> dict[str, list[Any]]:
+    """What the keys are in the scene, as lists."""
+    found = {}
+    for key in own.keys:
+        value = own.set.get(key, pick(document, key))
+        items = list(value) if isinstance(value, list | tuple) else [value]
+        expected = "a key of the scene with a number or a list of numbers"
+        if own.seeds:
+            expected = "a key of the scene with a seed"
+        kinds = (int,) if own.seeds else (int, float)
+        fits = bool(items) and (own.choices is not None or all(type(one) in kinds for one in items))
+        require(fits, f"budget source {own.name!r}: {key}", repr(value), expected)
+        fits = own.percent is None or all(items)
+        require(fits, f"budget source {own.name!r}: {key}", f"percent of {value}", "normal")
+        found[key] = items
+    return found
+
+
+def _drawn(
+    own: BudgetSourceTable, nominal: Mapping[str, list[Any]], evenly: Iterator[Float], count: int
+) -> Iterator[tuple[str, Sequence[Any], dict[str, Float]]]:
+    """Key, its values in each draw, and columns of numbers by their labels."""
+    nothing = np.full(count, np.nan)
+    common = next(evenly) if own.choices or own.together and not own.seeds else None
+    for key, items in nominal.items():
+        if own.seeds:
+            yield key, [items[0] + 1 + number for number in range(count)], {key: nothing}
+        elif own.choices is not None:
+            assert common is not None
+            picked = [own.choices[int(one)] for one in common * len(own.choices)]
+            numbers = all(type(one) in (int, float) for one in own.choices)
+            yield key, picked, {key: np.array(picked, np.float64) if numbers else nothing}
+        else:
+            shares = [next(evenly) if common is None else common for _ in items]
+            offs = [_off(own, one, item) for one, item in zip(shares, items, strict=True)]
+            rows = np.column_stack(offs) + np.array(items, dtype=np.float64)
+            is_list = isinstance(own.set.get(key), list | tuple) or len(items) > 1
+            labels = [f"{key}.{k}" for k in range(len(items))] if is_list else [key]
+            yield (key, rows.tolist() if is_list else rows[:, 0].tolist(),
+                   dict(zip(labels, rows.T, strict=True)))  # fmt: skip
+
+
+def _off(own: BudgetSourceTable, share: Float, nominal: float) -> Float:
+    """By how much a number is off where so large a ``share`` (N,) of its distribution is less."""
+    if own.half_width is not None:
+        return np.asarray(own.half_width * (2.0 * share - 1.0))
+    sigma = own.normal if own.percent is None else abs(nominal) * own.percent / 100.0
+    return np.asarray(sigma * norm.ppf(share))

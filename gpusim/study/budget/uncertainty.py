@@ -1,0 +1,238 @@
+"""Measurement uncertainty from draws: each source alone, beside all of them together.
+
+After the Guide to the expression of uncertainty in measurement (JCGM 100:2008): the law of
+propagation for sources that are independent of each other (5.1.2), effective degrees of freedom by
+Welch and Satterthwaite (G.4.1), expanded uncertainty (6.2.1); and after its Supplement 1 (JCGM
+101:2008): the coverage interval of the drawn errors (7.7).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.stats import t as student
+
+from gpusim.arrays.array_types import Float
+from gpusim.validation import require
+
+ADDITIVE = 0.05
+"""Relative difference from which on sources count as acting on each other."""
+BIASED = 1.0
+"""A mean error of so many standard uncertainties is worth being mended first."""
+
+
+@dataclass(frozen=True, eq=False)
+class SourceDraws:
+    """What a source ``name`` was drawn as, and what was measured: ``parameters`` and their
+    ``values`` (N, P), NaN for those that are no quantities, as seeds; ``errors`` (N, Q), NaN where
+    nothing was measured. ``degrees_of_freedom``: of what is known of the source; without it those
+    of the draws."""
+
+    name: str
+    parameters: tuple[str, ...]
+    values: Float
+    errors: Float
+    degrees_of_freedom: float | None = None
+
+    @cached_property
+    def uncertainty(self) -> Float:
+        """The standard uncertainty (Q,) by this source: standard deviation of the errors."""
+        return np.nanstd(self.errors, axis=0, ddof=1)
+
+    @cached_property
+    def freedom(self) -> Float:
+        """Degrees of freedom (Q,)."""
+        drawn = np.count_nonzero(np.isfinite(self.errors), axis=0) - 1.0
+        return drawn if self.degrees_of_freedom is None else 0.0 * drawn + self.degrees_of_freedom
+
+    @cached_property
+    def sensitivity(self) -> Float:
+        """Sensitivity coefficients (P, Q): slopes of the errors by linear regression on all
+        parameters at once; NaN for what is no quantity, or isn't drawn often enough."""
+        numbers = np.isfinite(self.values).all(axis=0) & (np.ptp(self.values, axis=0) > 0.0)
+        slopes = np.full((len(self.parameters), self.errors.shape[1]), np.nan)
+        for column, error in enumerate(self.errors.T):
+            known = np.isfinite(error)
+            if np.count_nonzero(known) > np.count_nonzero(numbers) + 1:
+                scale = np.std(self.values[:, numbers], axis=0)
+                drawn = self.values[known][:, numbers] / scale
+                base = np.column_stack([np.ones(len(drawn)), drawn - drawn.mean(axis=0)])
+                slopes[numbers, column] = np.linalg.lstsq(base, error[known])[0][1:] / scale
+        return slopes
+
+    @cached_property
+    def correlation(self) -> Float:
+        """Correlation coefficients (P, Q) of parameters and errors; NaN likewise."""
+        return _correlation(self.values, self.errors)
+
+
+@dataclass(frozen=True, eq=False)
+class UncertaintyBudget:
+    """The uncertainty of Q measured ``quantities`` (name and unit of each).
+
+    ``nominal`` (Q,): the errors where nothing is drawn. ``joint`` (J, Q): errors with all sources
+    drawn together; draw n of it has the values that draw n of each source has. ``coverage``: the
+    probability of intervals. ``remarks``: what else is to be known, in sentences.
+    """
+
+    quantities: tuple[tuple[str, str], ...]
+    nominal: Float
+    sources: tuple[SourceDraws, ...]
+    joint: Float
+    coverage: float = 0.95
+    remarks: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        count = len(self.quantities)
+        require(len(self.sources) > 0, "uncertainty budget", "no sources", "one or more")
+        for name, errors in [*((one.name, one.errors) for one in self.sources),
+                             ("all together", self.joint)]:  # fmt: skip
+            found = np.count_nonzero(np.isfinite(errors), axis=0)
+            fits = errors.shape[1:] == (count,) and bool((found >= 3).all())
+            expected = f"3 or more of each of {count} quantities"
+            require(fits, f"uncertainty budget: draws of {name}", found.tolist(), expected)
+
+    @cached_property
+    def uncertainties(self) -> Float:
+        """Standard uncertainties (S, Q) by each source."""
+        return np.array([one.uncertainty for one in self.sources])
+
+    @cached_property
+    def biases(self) -> Float:
+        """What each source adds to the mean error (S, Q): effects that aren't linear."""
+        return np.array([np.nanmean(one.errors, axis=0) for one in self.sources]) - self.nominal
+
+    @cached_property
+    def combined(self) -> Float:
+        """Combined standard uncertainty (Q,): the root of the sum of squares."""
+        return np.sqrt(np.sum(self.uncertainties**2, axis=0))
+
+    @cached_property
+    def shares(self) -> Float:
+        """Of the variance (S, Q); NaN where nothing varies."""
+        with np.errstate(invalid="ignore"):
+            return self.uncertainties**2 / self.combined**2
+
+    @cached_property
+    def freedom(self) -> Float:
+        """Effective degrees of freedom (Q,)."""
+        freedom = np.array([one.freedom for one in self.sources])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return self.combined**4 / np.sum(self.uncertainties**4 / freedom, axis=0)
+
+    @cached_property
+    def expanded(self) -> Float:
+        """Expanded uncertainty (Q,), for an interval of the ``coverage``."""
+        return self.factor * self.combined
+
+    @cached_property
+    def factor(self) -> Float:
+        """Coverage factors (Q,)."""
+        freedom = np.nan_to_num(self.freedom, nan=np.inf)
+        return np.asarray(student.ppf(0.5 + 0.5 * self.coverage, freedom))
+
+    @cached_property
+    def joint_uncertainty(self) -> Float:
+        """Standard deviation (Q,) of the errors with all sources together."""
+        return np.nanstd(self.joint, axis=0, ddof=1)
+
+    @cached_property
+    def bias(self) -> Float:
+        """Mean error (Q,) with all sources together: what a result is to be corrected by."""
+        return np.nanmean(self.joint, axis=0)
+
+    @cached_property
+    def interval(self) -> Float:
+        """The interval (2, Q) that holds errors by the ``coverage``, as many below as above it."""
+        ends = 0.5 - 0.5 * self.coverage, 0.5 + 0.5 * self.coverage
+        return np.nanquantile(self.joint, ends, axis=0)
+
+    @cached_property
+    def correlation(self) -> Float:
+        """Correlation coefficients (Q, Q) of the quantities' errors, by all sources together."""
+        return _correlation(self.joint, self.joint)
+
+    def advice(self, quantity: int) -> str:
+        """What to mend first for a ``quantity``, by its number, in words."""
+        name, unit = self.quantities[quantity]
+        combined, bias = float(self.combined[quantity]), float(self.bias[quantity])
+        if not combined > 0.0:
+            return f"{name}: none of the sources changes it."
+        first = int(np.argmax(self.uncertainties[:, quantity]))
+        share = float(self.shares[first, quantity])
+        left = combined * math.sqrt(max(1.0 - share, 0.0))
+        told = (
+            f"{name}: mend {self.sources[first].name} first, {100.0 * share:.0f} % of the variance;"
+            f" without it the standard uncertainty falls from {rounded(combined)} to"
+            f" {rounded(left, combined)} {unit}."
+        )
+        if abs(bias) > BIASED * combined:
+            told += (
+                f" The mean error, {rounded(bias, combined)} {unit}, is larger than that: correct"
+                " results by it, or mend what makes it (`gpusim explain`, `gpusim budget`)."
+            )
+        ratio = float(self.joint_uncertainty[quantity]) / combined
+        if not abs(ratio - 1.0) <= ADDITIVE:
+            told += (
+                f" Together the sources make {ratio:.2f} of what their squares add up to: they act"
+                " on each other, or there are few draws."
+            )
+        return told
+
+    def content(self) -> dict[str, Any]:
+        """For budget.json: by quantity, and by source within it."""
+        told = []
+        for q, (name, unit) in enumerate(self.quantities):
+            own = {
+                "name": name, "unit": unit, "nominal_error": self.nominal[q],
+                **{key: getattr(self, key)[q] for key in (
+                    "combined", "freedom", "factor", "expanded", "joint_uncertainty", "bias")},
+                "interval": self.interval[:, q], "correlation": self.correlation[q],
+                "advice": self.advice(q),
+                "sources": [
+                    {
+                        "name": one.name, "uncertainty": one.uncertainty[q], "bias": bias[q],
+                        "share": share[q], "freedom": one.freedom[q],
+                        "parameters": [
+                            {"name": key, "sensitivity": one.sensitivity[p, q],
+                             "correlation": one.correlation[p, q]}
+                            for p, key in enumerate(one.parameters)
+                        ],
+                    }
+                    for one, bias, share in zip(self.sources, self.biases, self.shares, strict=True)
+                ],
+            }  # fmt: skip
+            told.append(own)
+        return {"coverage": self.coverage, "quantities": told, "remarks": self.remarks}
+
+
+def rounded(value: float, uncertainty: float | None = None) -> str:
+    """A number with the digits of two significant ones of its ``uncertainty`` (JCGM 100, 7.2.6), or
+    of itself.
+
+    Examples
+    --------
+    >>> from gpusim.study.budget import rounded
+    >>> rounded(0.0123456), rounded(12.3456, 0.0123456), rounded(1234.5, 345.0)
+    ('0.012', '12.346', '1230')
+    """
+    size = abs(value if uncertainty is None else uncertainty)
+    if not (math.isfinite(value) and math.isfinite(size) and size > 0.0):
+        return f"{value:.2g}"
+    digits = 1 - math.floor(math.log10(float(f"{size:.1e}")))
+    return f"{round(value, digits):z.{max(digits, 0)}f}"
+
+
+def _correlation(first: Float, second: Float) -> Float:
+    """(A, B) of columns (N, A) and (N, B), over the rows that both have."""
+    result = np.full((first.shape[1], second.shape[1]), np.nan)
+    for i, x in enumerate(first.T):
+        for k, y in enumerate(second.T):
+            known = np.isfinite(x) & np.isfinite(y)
+            if np.count_nonzero(known) > 2 and np.ptp(x[known]) > 0.0 and np.ptp(y[known]) > 0.0:
+                result[i, k] = np.corrcoef(x[known], y[known])[0, 1]
+    return result
