@@ -14,7 +14,7 @@ from gpusim.printable import printable
 from gpusim.scene.tables.table import Words, name_and_unit
 
 from .key_paths import Keys, Origins, dotted, origin_of
-from .schema_places import Place, expected, locate
+from .schema_places import Node, Place, expected, locate
 
 MOST = 200  # faults that are looked into; to find the nearest word of each takes a while
 _OF_BODIES = ("load", "mesh", "notch", "paint", "part", "support")
@@ -33,9 +33,11 @@ def with_origin(fault: Fault, keys: Sequence[str | int], origins: Origins) -> Fa
     return replace(fault, problem=f"{fault.problem} ({origin})")
 
 
-def faults_of(error: ValidationError, origins: Origins) -> tuple[list[Fault], int]:
+def faults_of(
+    error: ValidationError, origins: Origins, schema: Node | None = None
+) -> tuple[list[Fault], int]:
     """The faults of a failed validation, in the order of the schema, and how many more there are
-    where they are very many.
+    where they are very many. ``schema``: as `locate` has it.
 
     A required key that is missing because it was misspelt is told once: by its wrong spelling.
     """
@@ -44,7 +46,7 @@ def faults_of(error: ValidationError, origins: Origins) -> tuple[list[Fault], in
     respelt: set[Keys] = set()
     missing: set[int] = set()
     entries = error.errors(include_url=False)
-    places = [locate(entry["loc"]) for entry in entries[:MOST]]
+    places = [locate(entry["loc"], schema) for entry in entries[:MOST]]
     for entry, place in zip(entries, places, strict=False):
         if place.choice:
             choices.setdefault(place.keys, set()).add(entry["type"])

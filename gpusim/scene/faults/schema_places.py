@@ -74,10 +74,11 @@ class Place:
         return list(table_kinds(plain_node(self.value)))
 
 
-def locate(location: Sequence[str | int]) -> Place:
-    """The place of a pydantic location; union tags, which are no keys of the file, are left out."""
+def locate(location: Sequence[str | int], schema: Node | None = None) -> Place:
+    """The place of a pydantic location; union tags, which are no keys of the file, are left out.
+    ``schema``: of another file than a scene's, without references."""
     keys: list[str | int] = []
-    here: Node = cached_schema()
+    here: Node = schema or cached_schema()
     table = value = here
     kinds: Mapping[str, Node] = {}
     for step in location:

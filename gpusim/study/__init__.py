@@ -1,0 +1,20 @@
+"""Studies: many states of one scene, in one graph of work, and the table of what was measured.
+
+In the order in which data passes:
+
+- `expressions`: Short arithmetic expressions of parameters, over all points at once.
+- `study_tables`: ``study.toml``, read, checked and resolved.
+- `design`: The points of a study: what each parameter is in each of them.
+- `samples`: What each sample changes in the base scene, and the key of its row.
+- `rows`: What became of each sample, appended to logs.
+- `table`: The table of samples: parameters, and every measurement beside the truth.
+"""
+
+from gpusim.public_names import public_names as _public_names
+from gpusim.study.samples import Sample as Sample
+from gpusim.study.samples import samples_of as samples_of
+from gpusim.study.study_tables import Study as Study
+from gpusim.study.study_tables import load_study as load_study
+from gpusim.study.table import SampleTable as SampleTable
+
+__all__, __getattr__, __dir__ = _public_names(__name__)

@@ -1,0 +1,259 @@
+"""``study.toml``: what is varied in a scene, and how; read, checked and resolved."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, ValidationError, model_validator
+
+from gpusim.errors import Fault, InputError, SceneError
+from gpusim.files.input_file import read_input
+from gpusim.scene import Scene, load_scene
+from gpusim.scene.faults.faults import faults_of, unread
+from gpusim.scene.faults.key_paths import key_lines
+from gpusim.scene.tables.table import Count, Listed, Pair, Seed, Table, fault
+from gpusim.scene.toml_text import parse_toml
+from gpusim.study.expressions import FUNCTIONS
+
+DISTRIBUTIONS = "uniform", "log_uniform", "normal", "log_normal"
+_POSITIVE = "log_uniform", "log_normal"
+
+Key = Annotated[str, Field(min_length=1, max_length=200)]
+Expression = Annotated[str, Field(min_length=1, max_length=500)]
+Identifier = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", max_length=64)]
+
+
+class ParameterTable(Table):
+    """``[[parameter]]``: a key of the scene that takes several values.
+
+    Example::
+
+        [[parameter]]
+        key = "camera.front.focal_mm"
+        uniform = [25.0, 35.0]
+        name = "f"
+    """
+
+    key: Key
+    """A key of the scene, as `--set` takes it."""
+    name: Identifier | None = None
+    """Its name in expressions and in the table of samples; by default the key."""
+    list_: Annotated[tuple[Any, ...], Listed(1, 10_000)] | None = Field(None, alias="list")
+    """Its values."""
+    uniform: Pair | None = None
+    """The smallest and the largest value."""
+    log_uniform: Pair | None = None
+    """The same; its logarithm is uniform."""
+    normal: Pair | None = None
+    """Mean and standard deviation."""
+    log_normal: Pair | None = None
+    """Median, and standard deviation of the natural logarithm."""
+    low: float | None = None
+    """Below it a normal or log-normal distribution is cut off."""
+    high: float | None = None
+    """Above it a normal or log-normal distribution is cut off."""
+
+    @property
+    def label(self) -> str:
+        """Its name, or its key."""
+        return self.name or self.key
+
+    @property
+    def distribution(self) -> str:
+        """The name of its distribution; "" for a list."""
+        return next((one for one in DISTRIBUTIONS if getattr(self, one) is not None), "")
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Self:
+        kinds = ["list"] * (self.list_ is not None)
+        kinds += [one for one in DISTRIBUTIONS if getattr(self, one) is not None]
+        expected = f"one of list, {', '.join(DISTRIBUTIONS)}"
+        if len(kinds) != 1:
+            raise fault(kinds[-1] if kinds else "", "not one kind of values",
+                        " and ".join(kinds) or "none", expected)  # fmt: skip
+        if self.name in FUNCTIONS:
+            raise fault("name", "is a function of expressions", self.name, "another name")
+        kind = self.distribution
+        if kind:
+            self._check(kind, getattr(self, kind))
+        cut = self.low is not None or self.high is not None
+        if cut and kind not in ("normal", "log_normal"):
+            raise fault("low" if self.low is not None else "high", "cuts off nothing", kinds[0],
+                        "normal or log_normal")  # fmt: skip
+        if self.low is not None and self.high is not None and not self.low < self.high:
+            raise fault("high", "isn't above low", self.high, f"> {self.low:g}")
+        return self
+
+    @staticmethod
+    def _check(kind: str, pair: tuple[float, float]) -> None:
+        first, second = pair
+        if kind in _POSITIVE and not first > 0:
+            raise fault(kind, "has no logarithm", pair, "numbers above 0")
+        if kind.endswith("uniform") and not first < second:
+            raise fault(kind, "isn't a range", pair, "the smaller number, then the larger one")
+        if kind.endswith("normal") and not second > 0:
+            raise fault(kind, "has no width", pair, "a standard deviation above 0")
+
+
+class DerivedTable(Table):
+    """``[[derived]]``: a key of the scene that follows from parameters.
+
+    Example::
+
+        [[derived]]
+        key = "camera.front.position_mm"
+        value = ["300", "-20 - 40 * f", "290"]
+    """
+
+    key: Key
+    """A key of the scene, as `--set` takes it."""
+    value: Expression | float | Annotated[tuple[Any, ...], Listed(1, 1000)]
+    """An expression of parameters' names, or a list of such and of numbers."""
+
+
+class ConstraintTable(Table):
+    """``[[constraint]]``: what samples have to fulfil; others are recorded as refused.
+
+    Example::
+
+        [[constraint]]
+        expression = "f < 50"
+    """
+
+    expression: Expression
+    """A comparison of expressions, or several joined by and, or, not."""
+
+
+class StudyTable(Table):
+    """A study file."""
+
+    scene: Key
+    """The scene that is varied; relative to the study."""
+    design: Literal["random", "latin_hypercube", "sobol", "halton"] = "sobol"
+    """How points of the distributions are chosen."""
+    samples: Count | None = None
+    """Points of the distributions, for each combination of the lists."""
+    combine: Literal["grid", "zip"] = "grid"
+    """How lists are combined: all with all, or the first with the first."""
+    repeats: Count = 1
+    """How often each point is made, with other seeds."""
+    seeds: Annotated[tuple[Key, ...], Listed(1, different=True)] = ("sensor.seed",)
+    """Keys that count up from repeat to repeat."""
+    seed: Seed = 0
+    """Of the design: another one draws other points."""
+    sensitivity: bool = False
+    """Choose the points that Sobol indices are computed of."""
+    rows: Key | None = None
+    """A CSV file of points, whose columns are keys of the scene; relative to the study."""
+    parameter: Annotated[tuple[ParameterTable, ...], Listed()] = ()
+    """What is varied."""
+    derived: Annotated[tuple[DerivedTable, ...], Listed()] = ()
+    """What follows from it."""
+    constraint: Annotated[tuple[ConstraintTable, ...], Listed()] = ()
+    """What samples have to fulfil."""
+
+    @property
+    def drawn(self) -> tuple[ParameterTable, ...]:
+        """Parameters with a distribution."""
+        return tuple(one for one in self.parameter if one.distribution)
+
+    @model_validator(mode="after")
+    def _together(self) -> Self:
+        if bool(self.drawn) != (self.samples is not None):
+            expected = (
+                "a number of points" if self.drawn else "none where nothing has a distribution"
+            )
+            raise fault("samples", "doesn't fit the parameters", self.samples, expected)
+        if self.sensitivity and len(self.drawn) != len(self.parameter) + (self.rows is not None):
+            raise fault("sensitivity", "takes distributions alone", "lists", "no lists, no rows")
+        if self.sensitivity and (not self.samples or self.samples & (self.samples - 1)):
+            raise fault("samples", "not a power of 2", self.samples, "64, 128, 256, ...")
+        for what in ("label", "key"):
+            counts = Counter(getattr(one, what) for one in self.parameter)
+            if what == "key":
+                counts.update(one.key for one in self.derived)
+            for name, count in counts.items():
+                if count > 1:
+                    raise fault("parameter", "stands twice", name, "each once")
+        return self
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study that was read: its ``tables``, the base ``scene``, the ``folder`` of the study's
+    file, its name (``source``), and the ``backend`` that it is made by ("gpu" or "numpy")."""
+
+    tables: StudyTable
+    scene: Scene
+    folder: Path
+    source: str = "study"
+    backend: str = "gpu"
+
+
+def load_study(path: str | PathLike[str]) -> Study:
+    """Read and check a study file, and the scene that it names.
+
+    Raises SceneError with every fault of the tables, or of the scene; InputError for a scene that
+    has variants.
+
+    Examples
+    --------
+    >>> from gpusim.study import load_study
+    >>> _ = open("study.toml", "w").write('''scene = "bar.toml"
+    ... samples = 4
+    ... [[parameter]]
+    ... key = "camera.side.focal_mm"
+    ... uniform = [24.0, 26.0]
+    ... ''')
+    >>> load_study("study.toml").tables.design
+    'sobol'
+    """
+    place = Path(path)
+    try:
+        text = read_input(place, "a study file").text("TOML in UTF-8")
+    except InputError as error:
+        raise SceneError(str(place), [unread(error, "file", place)]) from None
+    document = parse_toml(text)
+    if isinstance(document, Fault):
+        raise SceneError(str(place), [document])
+    try:
+        tables = StudyTable.model_validate(document)
+    except ValidationError as error:
+        faults, more = faults_of(error, key_lines(text), _schema())
+        raise SceneError(str(place), faults, more) from None
+    scene = load_scene(place.parent / tables.scene)
+    if scene.variants:
+        names = ", ".join(one.name for one in scene.variants)
+        expected = "a scene without: list what they set as a [[parameter]]"
+        raise InputError(f"{place}: scene has variants; got {names}; expected {expected}")
+    return Study(tables, scene, place.parent.absolute(), str(place))
+
+
+def _schema() -> dict[str, Any]:
+    """The JSON schema of a study file, what it refers to in place of references."""
+    schema = StudyTable.model_json_schema(by_alias=True)
+    definitions = schema.pop("$defs", {})
+
+    def plain(node: Any) -> Any:
+        if isinstance(node, Mapping):
+            if "$ref" in node:
+                return plain(definitions[node["$ref"].rsplit("/", 1)[-1]])
+            return {key: plain(value) for key, value in node.items()}
+        return [plain(value) for value in node] if isinstance(node, list) else node
+
+    whole: dict[str, Any] = plain(schema)
+    return whole
+
+
+def expressions(value: Any) -> Iterator[str]:
+    """The texts in a derived value."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, list | tuple):
+        for item in value:
+            yield from expressions(item)

@@ -1,0 +1,136 @@
+"""The table of samples: parameters, and every measurement beside the truth."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError, nearest_name
+from gpusim.files.atomic_files import write_bytes, write_text
+from gpusim.files.output_folder import inside
+from gpusim.study.rows import Row
+from gpusim.study.samples import Sample
+from gpusim.study.study_tables import Study
+
+Column = npt.NDArray[Any]
+_KINDS = "measured", "truth", "error"
+
+
+class SampleTable:
+    """What became of the samples of a study; ``table["column"]`` is a column (N,) over samples.
+
+    Columns: "sample", "repeat", each parameter by its label, "status", "error", "seconds", and of
+    each measurement "<name> measured [unit]", "<name> truth [unit]" and "<name> error [unit]"
+    (NaN where there is none). ``parameters``: their labels; ``quantities``: (name, unit) of what
+    was measured.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gpusim.study.table import SampleTable
+    >>> table = SampleTable({"sample": np.arange(2), "f": np.array([25.0, 35.0])}, ("f",), ())
+    >>> len(table), table["f"].max()
+    (2, 35.0)
+    """
+
+    def __init__(
+        self,
+        columns: Mapping[str, Column],
+        parameters: Sequence[str],
+        quantities: Sequence[tuple[str, str]],
+    ) -> None:
+        self.columns = dict(columns)
+        self.parameters, self.quantities = tuple(parameters), tuple(quantities)
+
+    def __len__(self) -> int:
+        return len(self.columns["sample"])
+
+    def __getitem__(self, name: str) -> Column:
+        """A column. Raises InputError for one that there isn't."""
+        if name not in self.columns:
+            near = nearest_name(name, self.columns)
+            raise InputError(f"table of samples: no column {name!r}; expected another{near}")
+        return self.columns[name]
+
+    def __repr__(self) -> str:
+        return f"SampleTable of {len(self)} samples, {len(self.columns)} columns"
+
+    def of(self, quantity: tuple[str, str], kind: str = "error") -> Column:
+        """The "measured", "truth" or "error" column of one of the `quantities`."""
+        return self[column_name(quantity, kind)]
+
+    @staticmethod
+    def from_rows(study: Study, samples: Sequence[Sample], rows: Mapping[int, Row]) -> SampleTable:
+        """Of the rows by the number of their sample; samples without one have status ""."""
+        parameters = [*(samples[0].values if samples else ())]
+        columns: dict[str, Column] = {
+            "sample": np.array([one.number for one in samples]),
+            "repeat": np.array([one.repeat for one in samples]),
+            **{name: _column([one.values[name] for one in samples]) for name in parameters},
+        }
+        for name, missing in (("status", ""), ("error", ""), ("seconds", np.nan)):
+            values = [rows.get(one.number, {}).get(name, missing) for one in samples]
+            columns[name] = np.array(values)
+        quantities: dict[tuple[str, str], None] = {}
+        for place, sample in enumerate(samples):
+            for name, unit, *numbers in rows.get(sample.number, {}).get("measurements", ()):
+                quantities[name, unit] = None
+                for kind, number in zip(_KINDS, numbers, strict=True):
+                    key = column_name((name, unit), kind)
+                    if key not in columns:
+                        columns[key] = np.full(len(samples), np.nan)
+                    columns[key][place] = number
+        return SampleTable(columns, parameters, tuple(quantities))
+
+    def write(self, out: Path) -> list[Path]:
+        """Write samples.csv and, where pyarrow is installed (``gpusim[study]``), samples.parquet
+        into ``out``; returns their paths."""
+        stream = io.StringIO()
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(self.columns)
+        writer.writerows(zip(*(map(_cell, one.tolist()) for one in self.columns.values()),
+                             strict=True))  # fmt: skip
+        paths = [write_text(inside(out, "samples.csv"), stream.getvalue())]
+        try:
+            import pyarrow
+            import pyarrow.parquet
+        except ImportError:
+            return paths
+        plain = {
+            name: one if one.dtype.kind != "O" else [json.dumps(value) for value in one]
+            for name, one in self.columns.items()
+        }
+        file = pyarrow.BufferOutputStream()
+        pyarrow.parquet.write_table(pyarrow.table(plain), file)
+        paths.append(write_bytes(inside(out, "samples.parquet"), file.getvalue().to_pybytes()))
+        return paths
+
+
+def column_name(quantity: tuple[str, str], kind: str) -> str:
+    """What the column of a measured quantity is called."""
+    name, unit = quantity
+    return f"{name} {kind} [{unit}]" if unit else f"{name} {kind}"
+
+
+def _column(values: Sequence[Any]) -> Column:
+    """Numbers, texts or booleans as such; anything else, lists too, as objects."""
+    kinds = {type(one) for one in values}
+    if kinds <= {int, float} or (len(kinds) == 1 and kinds <= {str, bool}):
+        return np.array(values)
+    column = np.empty(len(values), dtype=object)
+    column[:] = values
+    return column
+
+
+def _cell(value: Any) -> Any:
+    """In a CSV file: an empty cell for NaN, JSON for a list."""
+    if isinstance(value, float) and value != value:
+        return ""
+    return json.dumps(value) if isinstance(value, list | dict) else value
