@@ -40,7 +40,7 @@ Its parts, in the order in which they import each other:
 - `visualization`: Bodies in the colours of a field, and what is drawn over pictures.
 - `report`: What a run found.
 - `pipeline`: From a scene to an output folder.
-- `study`: Many states of one scene, and the table of what was measured.
+- `studies`: Many states of one scene, and the table of what was measured.
 - `notebook`: Tables, pictures and plots for notebooks.
 - `view`: The preview window.
 - `bench`: Run time against error, on this machine.

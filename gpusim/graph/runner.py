@@ -137,7 +137,8 @@ class Inputs:
 
 
 class Runner:
-    """Makes what is to run. ``folders``: by the names under which `Graph.add` knows them."""
+    """Makes what is to run. ``folders``: by the names under which `Graph.add` knows them; scenes
+    without one have their results in the store alone."""
 
     def __init__(
         self,
@@ -188,10 +189,10 @@ class Runner:
                 self.value(key)
 
     def work(self, whole: Callable[[str], None]) -> None:
-        """Make, keep and show everything. ``whole`` is called for each folder as soon as all of its
+        """Make, keep and show everything. ``whole`` is called for each scene as soon as all of its
         results are there. Raises StageFailed; what is finished by then is kept."""
         schedule = self._schedule
-        for place in self.folders:
+        for place in self.graph.records:
             if not self._left[place]:
                 whole(place)
         with (
@@ -302,7 +303,7 @@ class Runner:
 
     def show(self, task: Task) -> None:
         """Give a result its names in the folders that have it."""
-        for place in dict.fromkeys(place for place, _ in task.places):
+        for place in dict.fromkeys(place for place, _ in task.places if place in self.folders):
             self.folders[place].show(self.record(task.key), self.store)
 
     def _collect(self, whole: Callable[[str], None], wait: bool) -> None:

@@ -56,11 +56,11 @@ ALLOWED |= {
     "twin_checks": {"gpu", "mesh", "fem", "surface", "optics", "measure", "visualization", "view"},
     "bench": {"gpu", "mesh", "fem", "surface", "optics"},
     "pipeline": NUMERICS | {"graph", "plan"},
-    "study": NUMERICS | {"graph", "plan", "pipeline"},
+    "studies": NUMERICS | {"graph", "plan", "pipeline"},
     "notebook": NUMERICS | {"pipeline", "view"},
     "view": NUMERICS | {"plan", "pipeline"},
-    "__init__": NUMERICS | {"applications", "plan", "pipeline", "study"},
-    "cli": NUMERICS | {"applications", "bench", "plan", "pipeline", "study", "view", "__init__"},
+    "__init__": NUMERICS | {"applications", "plan", "pipeline", "studies"},
+    "cli": NUMERICS | {"applications", "bench", "plan", "pipeline", "studies", "view", "__init__"},
     "__main__": {"cli"},
 }
 

@@ -282,8 +282,7 @@ def read_results(decision: Decision, place: str, only: str | None = None) -> lis
         def read(path: str, record: Record = record) -> InputFile:
             return store.read(record, f"measure/{Path(path).name}")
 
-        folder = inside(decision.folders[place].path, "measure")
-        results.append(kind_of(spec).result.read(folder, spec.name, read))
+        results.append(kind_of(spec).result.read(store.root, spec.name, read))
     return results
 
 

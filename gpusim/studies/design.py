@@ -14,7 +14,7 @@ from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError, require
 from gpusim.files.input_file import read_input
 from gpusim.scene import parse_value
-from gpusim.study.study_tables import ParameterTable, Study, StudyTable
+from gpusim.studies.study_tables import ParameterTable, Study, StudyTable
 
 Columns = Mapping[str, Sequence[Any]]
 MOST = 1_000_000
@@ -31,8 +31,8 @@ def points(study: Study) -> dict[str, list[Any]]:
 
     Examples
     --------
-    >>> from gpusim.study import load_study
-    >>> from gpusim.study.design import points
+    >>> from gpusim.studies import load_study
+    >>> from gpusim.studies.design import points
     >>> _ = open("study.toml", "w").write('''scene = "bar.toml"
     ... [[parameter]]
     ... key = "camera.side.focal_mm"

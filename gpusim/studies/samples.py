@@ -15,9 +15,9 @@ from gpusim.files.input_file import read_input
 from gpusim.graph.stage import digest
 from gpusim.scene import Scene
 from gpusim.scene.faults.key_paths import pick
-from gpusim.study.design import points
-from gpusim.study.expressions import Values, evaluated
-from gpusim.study.study_tables import Study
+from gpusim.studies.design import points
+from gpusim.studies.expressions import Values, evaluated
+from gpusim.studies.study_tables import Study
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def samples_of(study: Study) -> Sequence[Sample]:
 
     Examples
     --------
-    >>> from gpusim.study import load_study, samples_of
+    >>> from gpusim.studies import load_study, samples_of
     >>> _ = open("study.toml", "w").write('''scene = "bar.toml"
     ... repeats = 2
     ... [[parameter]]

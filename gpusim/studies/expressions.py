@@ -42,7 +42,7 @@ def evaluated(text: str, columns: Mapping[str, Values], where: str) -> Values:
 
     Examples
     --------
-    >>> from gpusim.study.expressions import evaluated
+    >>> from gpusim.studies.expressions import evaluated
     >>> evaluated("2 * f + sqrt(4)", {"f": np.array([1.0, 2.0])}, "value")
     array([4., 6.])
     """

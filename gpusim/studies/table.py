@@ -15,9 +15,9 @@ import numpy.typing as npt
 from gpusim.errors import InputError, nearest_name
 from gpusim.files.atomic_files import write_bytes, write_text
 from gpusim.files.output_folder import inside
-from gpusim.study.rows import Row
-from gpusim.study.samples import Sample
-from gpusim.study.study_tables import Study
+from gpusim.studies.rows import Row
+from gpusim.studies.samples import Sample
+from gpusim.studies.study_tables import Study
 
 Column = npt.NDArray[Any]
 _KINDS = "measured", "truth", "error"
@@ -34,7 +34,7 @@ class SampleTable:
     Examples
     --------
     >>> import numpy as np
-    >>> from gpusim.study.table import SampleTable
+    >>> from gpusim.studies.table import SampleTable
     >>> table = SampleTable({"sample": np.arange(2), "f": np.array([25.0, 35.0])}, ("f",), ())
     >>> len(table), table["f"].max()
     (2, 35.0)

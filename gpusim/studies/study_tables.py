@@ -18,7 +18,7 @@ from gpusim.scene.faults.faults import faults_of, unread
 from gpusim.scene.faults.key_paths import key_lines
 from gpusim.scene.tables.table import Count, Listed, Pair, Seed, Table, fault
 from gpusim.scene.toml_text import parse_toml
-from gpusim.study.expressions import FUNCTIONS
+from gpusim.studies.expressions import FUNCTIONS
 
 DISTRIBUTIONS = "uniform", "log_uniform", "normal", "log_normal"
 _POSITIVE = "log_uniform", "log_normal"
@@ -186,13 +186,15 @@ class StudyTable(Table):
 @dataclass(frozen=True)
 class Study:
     """A study that was read: its ``tables``, the base ``scene``, the ``folder`` of the study's
-    file, its name (``source``), and the ``backend`` that it is made by ("gpu" or "numpy")."""
+    file, its name (``source``), the ``backend`` that it is made by ("gpu" or "numpy"), and whether
+    each sample's ``truth`` is made (truth.h5, as far as the scene asks for it)."""
 
     tables: StudyTable
     scene: Scene
     folder: Path
     source: str = "study"
     backend: str = "gpu"
+    truth: bool = False
 
 
 def load_study(path: str | PathLike[str]) -> Study:
@@ -203,7 +205,7 @@ def load_study(path: str | PathLike[str]) -> Study:
 
     Examples
     --------
-    >>> from gpusim.study import load_study
+    >>> from gpusim.studies import load_study
     >>> _ = open("study.toml", "w").write('''scene = "bar.toml"
     ... samples = 4
     ... [[parameter]]

@@ -17,7 +17,7 @@ from typing import Any
 from gpusim.files.output_folder import inside
 from gpusim.graph.folder import INNER
 from gpusim.graph.log import Log, read_log
-from gpusim.study.samples import Sample
+from gpusim.studies.samples import Sample
 
 Row = Mapping[str, Any]
 STATUSES = "done", "refused", "failed", "killed"

@@ -7,14 +7,18 @@ In the order in which data passes:
 - `design`: The points of a study: what each parameter is in each of them.
 - `samples`: What each sample changes in the base scene, and the key of its row.
 - `rows`: What became of each sample, appended to logs.
+- `batch`: Samples made together, in one graph of work.
+- `plan`: What a study would make, before any work.
 - `table`: The table of samples: parameters, and every measurement beside the truth.
 """
 
 from gpusim.public_names import public_names as _public_names
-from gpusim.study.samples import Sample as Sample
-from gpusim.study.samples import samples_of as samples_of
-from gpusim.study.study_tables import Study as Study
-from gpusim.study.study_tables import load_study as load_study
-from gpusim.study.table import SampleTable as SampleTable
+from gpusim.studies.plan import StudyPlan as StudyPlan
+from gpusim.studies.plan import study_plan as study_plan
+from gpusim.studies.samples import Sample as Sample
+from gpusim.studies.samples import samples_of as samples_of
+from gpusim.studies.study_tables import Study as Study
+from gpusim.studies.study_tables import load_study as load_study
+from gpusim.studies.table import SampleTable as SampleTable
 
 __all__, __getattr__, __dir__ = _public_names(__name__)

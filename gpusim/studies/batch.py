@@ -1,0 +1,154 @@
+"""Samples made together: one graph of work, results by content in the study's store, and a row of
+each sample as soon as all of its results are there."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+from gpusim.errors import DeviceLost, GpusimError, InputError, NoAdapter, NotConverged, SceneError
+from gpusim.files.output_folder import inside
+from gpusim.graph.folder import INNER
+from gpusim.graph.graph import Graph, Task
+from gpusim.graph.runner import Runner, StageFailed
+from gpusim.graph.session import Session
+from gpusim.graph.store import Store
+from gpusim.pipeline.runner.scene_report import failure_text, read_results
+from gpusim.plan.decision import Decision
+from gpusim.plan.scene_stages import SceneStages, scene_stages
+from gpusim.plan.stages import RunOptions
+from gpusim.scene import Scene
+from gpusim.studies.rows import RowLog
+from gpusim.studies.samples import Sample
+from gpusim.studies.study_tables import Study
+
+TRIES = 3
+"""How often something is tried that may go wrong by chance."""
+
+
+def targets(study: Study, scene: Scene) -> set[str]:
+    """The stages that a sample is made for; what pages and other programs show isn't among them."""
+    names = {f"picture/{one.name}" for one in scene.cameras} | {"geometry"}
+    return names | {f"measure/{one.name}" for one in scene.measures} | {*["truth"] * study.truth}
+
+
+class Worker:
+    """What makes samples of the study in ``out`` in this process: its device, store and rows.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from gpusim.studies.batch import Worker
+    >>> Worker(Path("out"), "numpy").session.options.backend
+    'numpy'
+    """
+
+    def __init__(self, out: Path, backend: str) -> None:
+        self.out = out
+        self.store = Store(inside(out, INNER))
+        self.session = Session(RunOptions(backend))
+        self.log = RowLog(out)
+
+    def work_off(self, study: Study, samples: Sequence[Sample]) -> None:
+        """Make some samples and add their rows.
+
+        What goes wrong in a sample costs the samples that need it: at once where the scene is wrong
+        or a solver finds no solution, else after `TRIES`. Raises what isn't theirs: a lost device,
+        a disk that is full.
+        """
+        _Batch(self, study, samples).work_off()
+
+    def close(self) -> None:
+        """Put the store in order, and flush the rows."""
+        self.log.close()
+        self.store.close()
+
+
+worker = cache(Worker)
+"""This process's `Worker` in a folder."""
+
+
+class _Batch:
+    """Some ``samples`` on their way. ``left``: those without a row, by their place in the graph."""
+
+    def __init__(self, worker: Worker, study: Study, samples: Sequence[Sample]) -> None:
+        self.worker, self.study = worker, study
+        self.left: dict[str, tuple[Sample, Scene, SceneStages]] = {}
+        self.seconds: dict[str, float] = {}
+        self.made: dict[str, str] = {}
+        self.tries: Counter[str] = Counter()
+        self.begun: set[str] = set()
+        for sample in samples:
+            try:
+                scene = sample.scene(study)
+            except GpusimError as error:
+                worker.log.add(sample, "refused", str(error))
+                continue
+            stages = scene_stages(scene, worker.session.options)
+            self.left[str(sample.number)] = sample, scene, stages
+
+    def work_off(self) -> None:
+        """Until there is a row of each."""
+        try:
+            while self.left:
+                try:
+                    self._make()
+                except StageFailed as failed:
+                    self._fail(failed.task, failed.__cause__ or failed)
+        finally:
+            self.worker.session.values.clear()
+            self.worker.session.kept.clear()
+
+    def _make(self) -> None:
+        """Make the results of those that are left. Raises StageFailed."""
+        session, store, graph = self.worker.session, self.worker.store, Graph()
+        wanted, scenes, stages = set[str](), dict[str, Scene](), dict[str, SceneStages]()
+        for place, (_, scene, own) in self.left.items():
+            graph.add(own.stages, place)
+            wanted |= targets(self.study, scene)
+            scenes[place], stages[place] = scene, own
+        graph.decide(store, {}, targets=wanted)
+        decision = Decision(scenes, stages, graph, {}, store, session.options)
+        runner = Runner(graph, store, {}, session, self._observe)
+        runner.work(lambda place: self._end(decision, place))
+
+    def _observe(self, task: Task, done: float, words: str) -> None:
+        """Hear of a task; any thread."""
+        del words
+        for place in {place for place, _ in task.places} - self.begun:
+            self.begun.add(place)
+            if place in self.left:
+                self.worker.log.begin(self.left[place][0])
+        if done >= 1.0 and task.seconds:
+            self.seconds[task.key] = task.seconds
+            if task.stage.keeps:
+                self.made[task.key] = task.stage.name.split("/")[0]
+
+    def _end(self, decision: Decision, place: str) -> None:
+        """Add the row of a sample whose results are there; what it shares with others counts for
+        the first."""
+        sample, scene, _ = self.left[place]
+        told = [one.report(scene, self.worker.out) for one in read_results(decision, place)]
+        measurements = [
+            [item.name, item.unit, item.measured, item.truth, item.error]
+            for one in told for item in one.measurements
+        ]  # fmt: skip
+        keys = {key for own in decision.graph.records[place].values() for key in own}
+        made = Counter(self.made.pop(key) for key in keys & self.made.keys())
+        seconds = sum(self.seconds.pop(key) for key in keys & self.seconds.keys())
+        self.worker.log.add(sample, "done", "", round(seconds, 4), measurements, made)
+        del self.left[place]
+
+    def _fail(self, task: Task, cause: BaseException) -> None:
+        """Add rows for the samples that need what came to nothing, unless it is tried again."""
+        if isinstance(cause, DeviceLost | NoAdapter):
+            raise cause
+        self.tries[task.key] += 1
+        refused = isinstance(cause, InputError | SceneError)
+        if not refused and not isinstance(cause, NotConverged) and self.tries[task.key] < TRIES:
+            return
+        for place in {place for place, _ in task.places} & self.left.keys():
+            sample, *_ = self.left.pop(place)
+            self.worker.log.add(sample, "refused" if refused else "failed", failure_text(cause))
