@@ -14,7 +14,7 @@ import numpy as np
 from gpusim.errors import nearest_name, require
 from gpusim.scene import Scene
 from gpusim.scene.effects import active_effects
-from gpusim.study.budget.budget_tables import BudgetSourceTable, BudgetTable
+from gpusim.studies.budget.budget_tables import BudgetSourceTable, BudgetTable
 
 CALIBRATED = {"focal": 0.02, "principal point": 0.3, "distortion": 1.0, "position": 0.02,
               "orientation": 0.01}  # fmt: skip

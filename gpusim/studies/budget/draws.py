@@ -18,8 +18,8 @@ from scipy.stats import norm, qmc
 from gpusim.arrays.array_types import Float
 from gpusim.scene import Scene
 from gpusim.scene.faults.key_paths import pick
-from gpusim.study.budget.budget_tables import BudgetSourceTable, BudgetTable
-from gpusim.study.budget.sources import Sources
+from gpusim.studies.budget.budget_tables import BudgetSourceTable, BudgetTable
+from gpusim.studies.budget.sources import Sources
 from gpusim.validation import require
 
 Overrides = dict[str, Any]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.study.budget.identifiability import PARAMETERS, alike, remarks, unseen_motion
+from gpusim.studies.budget.identifiability import PARAMETERS, alike, remarks, unseen_motion
 from tests.support.shifted_plate import shifted_plate
 
 SHIFT = (0.3, 0.0, 0.0)

@@ -19,14 +19,14 @@ from gpusim.graph.stage import digest
 from gpusim.optics.calibration.formats import calibration_text
 from gpusim.pipeline.scene_objects.cameras import build_camera
 from gpusim.scene import Scene
-from gpusim.study.budget.budget_tables import BudgetTable
-from gpusim.study.budget.draws import Drawn, draw, together
-from gpusim.study.budget.identifiability import remarks
-from gpusim.study.budget.sources import sources_of
-from gpusim.study.budget.uncertainty import SourceDraws, UncertaintyBudget
-from gpusim.study.samples import Sample
-from gpusim.study.study_tables import Study
-from gpusim.study.table import SampleTable
+from gpusim.studies.budget.budget_tables import BudgetTable
+from gpusim.studies.budget.draws import Drawn, draw, together
+from gpusim.studies.budget.identifiability import remarks
+from gpusim.studies.budget.sources import sources_of
+from gpusim.studies.budget.uncertainty import SourceDraws, UncertaintyBudget
+from gpusim.studies.samples import Sample
+from gpusim.studies.study_tables import Study
+from gpusim.studies.table import SampleTable
 
 RIG = "budget/rig.yml"
 """The cameras as pairs measure with them."""

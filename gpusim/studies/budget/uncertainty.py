@@ -216,7 +216,7 @@ def rounded(value: float, uncertainty: float | None = None) -> str:
 
     Examples
     --------
-    >>> from gpusim.study.budget import rounded
+    >>> from gpusim.studies.budget import rounded
     >>> rounded(0.0123456), rounded(12.3456, 0.0123456), rounded(1234.5, 345.0)
     ('0.012', '12.346', '1230')
     """

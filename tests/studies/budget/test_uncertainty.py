@@ -9,7 +9,7 @@ import pytest
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
-from gpusim.study.budget import SourceDraws, UncertaintyBudget, rounded, write_budget
+from gpusim.studies.budget import SourceDraws, UncertaintyBudget, rounded, write_budget
 
 LENGTH = (("length", "nm"),)
 

@@ -12,11 +12,11 @@ In the order in which data passes:
 """
 
 from gpusim.public_names import public_names as _public_names
-from gpusim.study.budget.budget_study import BudgetStudy as BudgetStudy
-from gpusim.study.budget.budget_tables import BudgetTable as BudgetTable
-from gpusim.study.budget.page import write_budget as write_budget
-from gpusim.study.budget.uncertainty import SourceDraws as SourceDraws
-from gpusim.study.budget.uncertainty import UncertaintyBudget as UncertaintyBudget
-from gpusim.study.budget.uncertainty import rounded as rounded
+from gpusim.studies.budget.budget_study import BudgetStudy as BudgetStudy
+from gpusim.studies.budget.budget_tables import BudgetTable as BudgetTable
+from gpusim.studies.budget.page import write_budget as write_budget
+from gpusim.studies.budget.uncertainty import SourceDraws as SourceDraws
+from gpusim.studies.budget.uncertainty import UncertaintyBudget as UncertaintyBudget
+from gpusim.studies.budget.uncertainty import rounded as rounded
 
 __all__, __getattr__, __dir__ = _public_names(__name__)

@@ -13,7 +13,7 @@ from gpusim.report.html import page_template
 from gpusim.report.model import Figure
 from gpusim.report.style import draw_png, named
 from gpusim.report.text import plain_data
-from gpusim.study.budget.uncertainty import UncertaintyBudget, rounded
+from gpusim.studies.budget.uncertainty import UncertaintyBudget, rounded
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
