@@ -1,7 +1,7 @@
 """What the keys of a budget's sources are in each draw.
 
-Numbers are a Latin hypercube's (McKay, Beckman & Conover, Technometrics 1979, 21(2), 239): as
-random as independent draws, with distributions that are filled evenly. Draw n of all sources
+Numbers are scrambled Sobol points (Owen, J. Complexity 1998, 14(4), 466): distributions are filled
+evenly, and numbers of different sources hardly correlate by chance. Draw n of all sources
 together has the values that draw n of each source has, so that it isn't chance which makes the
 difference between the sum of their squares and what they do together.
 """
@@ -48,16 +48,17 @@ def draw(scene: Scene, sources: Sources, tables: BudgetTable) -> list[Drawn]:
         1 if own.together or own.choices else sum(len(one) for one in nominal.values())
         for group in sizes.values() for own, nominal in group if not own.seeds
     )  # fmt: skip
-    shape = tables.draws, max(needed, 1)
-    evenly = iter(qmc.LatinHypercube(shape[1], rng=tables.seed).random(shape[0]).T)
+    count = tables.draws
+    points = qmc.Sobol(max(needed, 1), rng=tables.seed).random_base2((count - 1).bit_length())
+    evenly = iter(points[:count].T)
     found = []
     for name, group in sizes.items():
         changes = [
-            {key: value for own, _ in group for key, value in own.set.items()} for _ in range(shape[0])
+            {key: value for own, _ in group for key, value in own.set.items()} for _ in range(count)
         ]
         columns: dict[str, Float] = {}
         for own, nominal in group:
-            for key, values, labels in _drawn(own, nominal, evenly, shape[0]):
+            for key, values, labels in _drawn(own, nominal, evenly, count):
                 columns |= labels
                 for change, value in zip(changes, values, strict=True):
                     change.pop(key, None)  # what is set comes first
