@@ -134,6 +134,8 @@ if _typing.TYPE_CHECKING:
     from gpusim.report import Report as Report
     from gpusim.scene import Scene as Scene
     from gpusim.scene import load_scene as load_scene
+    from gpusim.studies import load_study as load_study
+    from gpusim.studies.study import study as study
     from gpusim.surface import Atlas as Atlas
     from gpusim.surface import CylinderFrame as CylinderFrame
     from gpusim.surface import PaintFrame as PaintFrame
@@ -172,6 +174,8 @@ _HOMES = {
     "gpusim.pipeline.scene_solution": "solve",
     "gpusim.report": "Report",
     "gpusim.scene": "Scene load_scene",
+    "gpusim.studies": "load_study",
+    "gpusim.studies.study": "study",
     "gpusim.surface": "Atlas CylinderFrame PaintFrame Skin Surface paint",
 }
 __all__, __getattr__, __dir__ = _public_names(__name__, _HOMES)

@@ -15,6 +15,7 @@ The other commands are below. Its modules:
 - `measuring`: ``gpusim dic`` and ``gpusim calibrate``.
 - `vibration`: ``gpusim identify`` and ``gpusim magnify``.
 - `rendering`: ``gpusim render``.
+- `study`: ``gpusim study``.
 - `view`: ``gpusim view``.
 - `diagnosis`: ``gpusim doctor`` and ``gpusim check``.
 - `bench`: ``gpusim bench``.
@@ -55,6 +56,7 @@ from gpusim.cli.init import init
 from gpusim.cli.keys import print_tables, table_names
 from gpusim.cli.measuring import calibrate, dic
 from gpusim.cli.rendering import render
+from gpusim.cli.study import study
 from gpusim.cli.tables import (
     print_budget,
     print_deck,
@@ -278,6 +280,7 @@ app.command()(calibrate)
 app.command()(identify)
 app.command()(magnify)
 app.command()(render)
+app.command()(study)
 app.command()(view)
 app.command()(init)
 

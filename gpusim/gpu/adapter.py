@@ -23,7 +23,8 @@ _ORDER = {"DiscreteGPU": 0, "IntegratedGPU": 1, "VirtualGPU": 2, "Unknown": 3, "
 
 
 def find_adapter(name: str | None) -> Any:
-    """The first adapter with ``name`` in its summary, or the fastest kind when it is None.
+    """The first adapter with ``name`` in its summary, or the fastest kind when it is None; a number
+    counts those of that kind round and round, so that many processes share them.
 
     Raises
     ------
@@ -40,7 +41,7 @@ def find_adapter(name: str | None) -> Any:
     except Exception as error:
         raise NoAdapter(f"no Vulkan adapter: {error}") from error
     adapters = [a for a in adapters if a.info.get("backend_type") != "OpenGL"]
-    adapters.sort(key=lambda a: _ORDER.get(str(a.info.get("adapter_type")), 3))
+    adapters.sort(key=_kind)
     if not adapters:
         raise NoAdapter(
             "no Vulkan adapter found; install a driver (Debian/Ubuntu: apt-get install "
@@ -48,11 +49,19 @@ def find_adapter(name: str | None) -> Any:
         )
     if name is None:
         return adapters[0]
+    if name.isdecimal():
+        alike = [a for a in adapters if _kind(a) == _kind(adapters[0])]
+        return alike[int(name) % len(alike)]
     for adapter in adapters:
         if name.lower() in str(adapter.summary).lower():
             return adapter
     have = "; ".join(str(a.summary) for a in adapters)
     raise NoAdapter(f"adapter; got {name!r}; expected part of one of: {have}")
+
+
+def _kind(adapter: Any) -> int:
+    """The slower an adapter's kind, the larger."""
+    return _ORDER.get(str(adapter.info.get("adapter_type")), 3)
 
 
 def software_adapter() -> bool:

@@ -21,7 +21,9 @@ _SHARE = 0.8  # of the machine's memory, that one file may take
 
 @cache
 def all_processors() -> int:
-    """Processors this process may use."""
+    """Processors this process may use; GPUSIM_PROCESSORS in the environment says so, too."""
+    if told := os.environ.get("GPUSIM_PROCESSORS", ""):
+        return max(int(told), 1) if told.isdecimal() else 1
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

@@ -26,7 +26,7 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Future
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -287,22 +287,27 @@ def prepare(*modules: str) -> None:
     """
     global _pool
     if _pool is None and processors() > 1 and sys.executable and not hasattr(sys, "frozen"):
-        import loky  # takes 0.1 s, and few programs draw reports
-        from loky.backend import resource_tracker
-
-        # it would list the semaphores of a caller that was killed, and cleans them up all the same
-        sys.warnoptions.append("ignore:resource_tracker:UserWarning")
-        resource_tracker.ensure_running()
-        sys.warnoptions.pop()
         count = min(MAX_HELPERS, processors())
+        # a backend for screens that isn't there is no reason not to draw files
+        _pool = start_pool(count, modules, {**_ONE_BLAS_THREAD, "MPLBACKEND": "agg"})
         with _interrupts_held():
-            _pool = loky.ProcessPoolExecutor(
-                count, initializer=_begin_helper, initargs=(os.getpid(), modules),
-                # a backend for screens that isn't there is no reason not to draw files
-                env={**_ONE_BLAS_THREAD, "MPLBACKEND": "agg"},
-            )  # fmt: skip
             for _ in range(count):
                 _pool.submit(os.getpid)
+
+
+def start_pool(count: int, modules: Sequence[str], env: Mapping[str, str]) -> Any:
+    """An executor (loky's) of ``count`` processes that import ``modules`` and end with this one."""
+    import loky  # takes 0.1 s, and few programs draw reports
+    from loky.backend import resource_tracker
+
+    # it would list the semaphores of a caller that was killed, and cleans them up all the same
+    sys.warnoptions.append("ignore:resource_tracker:UserWarning")
+    resource_tracker.ensure_running()
+    sys.warnoptions.pop()
+    with _interrupts_held():
+        return loky.ProcessPoolExecutor(
+            count, initializer=_begin_helper, initargs=(os.getpid(), modules), env=dict(env)
+        )
 
 
 def stop() -> None:

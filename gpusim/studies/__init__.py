@@ -9,7 +9,9 @@ In the order in which data passes:
 - `rows`: What became of each sample, appended to logs.
 - `batch`: Samples made together, in one graph of work.
 - `plan`: What a study would make, before any work.
+- `executors`: Where samples are made: here, in other processes, or on a cluster.
 - `table`: The table of samples: parameters, and every measurement beside the truth.
+- `study`: A study worked off into a folder.
 """
 
 from gpusim.public_names import public_names as _public_names

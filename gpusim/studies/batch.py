@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from gpusim.errors import DeviceLost, GpusimError, InputError, NoAdapter, NotConverged, SceneError
 from gpusim.files.output_folder import inside
@@ -26,6 +27,12 @@ from gpusim.studies.study_tables import Study
 
 TRIES = 3
 """How often something is tried that may go wrong by chance."""
+STOP = f"{INNER}/stop"
+"""A file in a study's folder: where it lies, workers stop."""
+
+
+class Stopped(Exception):
+    """A worker was told to stop."""
 
 
 def targets(study: Study, scene: Scene) -> set[str]:
@@ -50,15 +57,18 @@ class Worker:
         self.store = Store(inside(out, INNER))
         self.session = Session(RunOptions(backend))
         self.log = RowLog(out)
+        self.stop = out / STOP
 
-    def work_off(self, study: Study, samples: Sequence[Sample]) -> None:
-        """Make some samples and add their rows.
+    def work_off(self, study: Study, samples: Sequence[Sample]) -> dict[int, str]:
+        """Make some samples and add their rows; returns what became of them, by number.
 
         What goes wrong in a sample costs the samples that need it: at once where the scene is wrong
         or a solver finds no solution, else after `TRIES`. Raises what isn't theirs: a lost device,
         a disk that is full.
         """
-        _Batch(self, study, samples).work_off()
+        batch = _Batch(self, study, samples)
+        batch.work_off()
+        return batch.statuses
 
     def close(self) -> None:
         """Put the store in order, and flush the rows."""
@@ -66,8 +76,21 @@ class Worker:
         self.store.close()
 
 
-worker = cache(Worker)
-"""This process's `Worker` in a folder."""
+@cache
+def shared_worker(out: Path, backend: str) -> Worker:
+    """This process's worker in a folder."""
+    _workers.append(Worker(out, backend))
+    return _workers[-1]
+
+
+_workers: list[Worker] = []
+
+
+def close_workers() -> None:
+    """Put in order what the workers of this process have written."""
+    while _workers:
+        _workers.pop().close()
+    shared_worker.cache_clear()
 
 
 class _Batch:
@@ -80,11 +103,12 @@ class _Batch:
         self.made: dict[str, str] = {}
         self.tries: Counter[str] = Counter()
         self.begun: set[str] = set()
+        self.statuses: dict[int, str] = {}
         for sample in samples:
             try:
                 scene = sample.scene(study)
             except GpusimError as error:
-                worker.log.add(sample, "refused", str(error))
+                self._add(sample, "refused", str(error))
                 continue
             stages = scene_stages(scene, worker.session.options)
             self.left[str(sample.number)] = sample, scene, stages
@@ -117,6 +141,8 @@ class _Batch:
     def _observe(self, task: Task, done: float, words: str) -> None:
         """Hear of a task; any thread."""
         del words
+        if self.worker.stop.exists():
+            raise Stopped
         for place in {place for place, _ in task.places} - self.begun:
             self.begun.add(place)
             if place in self.left:
@@ -138,12 +164,12 @@ class _Batch:
         keys = {key for own in decision.graph.records[place].values() for key in own}
         made = Counter(self.made.pop(key) for key in keys & self.made.keys())
         seconds = sum(self.seconds.pop(key) for key in keys & self.seconds.keys())
-        self.worker.log.add(sample, "done", "", round(seconds, 4), measurements, made)
+        self._add(sample, "done", "", round(seconds, 4), measurements, made)
         del self.left[place]
 
     def _fail(self, task: Task, cause: BaseException) -> None:
         """Add rows for the samples that need what came to nothing, unless it is tried again."""
-        if isinstance(cause, DeviceLost | NoAdapter):
+        if isinstance(cause, DeviceLost | NoAdapter | Stopped):
             raise cause
         self.tries[task.key] += 1
         refused = isinstance(cause, InputError | SceneError)
@@ -151,4 +177,8 @@ class _Batch:
             return
         for place in {place for place, _ in task.places} & self.left.keys():
             sample, *_ = self.left.pop(place)
-            self.worker.log.add(sample, "refused" if refused else "failed", failure_text(cause))
+            self._add(sample, "refused" if refused else "failed", failure_text(cause))
+
+    def _add(self, sample: Sample, status: str, *what: Any) -> None:
+        self.worker.log.add(sample, status, *what)
+        self.statuses[sample.number] = status

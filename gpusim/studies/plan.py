@@ -8,7 +8,7 @@ and as many results are made of it as those keys have different values together.
 from __future__ import annotations
 
 import json
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -104,10 +104,9 @@ class _Planning:
                 counts[keys] = len(np.unique(self._projected(keys)))
             share[kind] += 1
             made[kind] += counts[keys]
-        seconds = Counter[str]()
+        seconds: dict[str, float] = defaultdict(float)
         for stage in plan.stages:
             seconds[stage.kind if stage.kind != "target" else "render"] += stage.seconds
-        del seconds["report"]
         spent = sum(seconds[kind] / share[kind] * made[kind] for kind in share)
         structure = {
             key for key in self._codes for task in graph.tasks.values()
@@ -194,8 +193,8 @@ class _Planning:
                 changed = {**self._base.overrides, key: value}
                 scene = self._scene(replace(self._base, overrides=changed))
                 if scene is not None:
-                    found[key] = Graph()
-                    found[key].add(scene_stages(scene, self.options).stages)
+                    found[key] = graph = Graph()
+                    graph.add(scene_stages(scene, self.options).stages)
                     break
         return found
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 import secrets
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,9 +26,10 @@ FINAL = "done", "refused"
 
 
 class RowLog:
-    """Rows that this process adds to the study in ``out``."""
+    """Rows that this process adds to the study in ``out``; ``told`` is called after each."""
 
     def __init__(self, out: Path) -> None:
+        self.told: Callable[[], None] = lambda: None
         name = f"{os.getpid()}-{secrets.token_hex(4)}.log"
         self._log = Log(inside(out, INNER, "samples", name))
 
@@ -50,6 +51,7 @@ class RowLog:
             {"key": sample.key, "number": sample.number, "status": status, "error": error,
              "seconds": seconds, "measurements": measurements, "made": made or {}}
         )  # fmt: skip
+        self.told()
 
     def close(self) -> None:
         """Flush."""

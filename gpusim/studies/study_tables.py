@@ -13,11 +13,12 @@ from pydantic import Field, ValidationError, model_validator
 
 from gpusim.errors import Fault, InputError, SceneError
 from gpusim.files.input_file import read_input
+from gpusim.gpu import chosen_backend
 from gpusim.scene import Scene, load_scene
 from gpusim.scene.faults.faults import faults_of, unread
 from gpusim.scene.faults.key_paths import key_lines
 from gpusim.scene.tables.table import Count, Listed, Pair, Seed, Table, fault
-from gpusim.scene.toml_text import parse_toml
+from gpusim.scene.toml_text import parse_toml, toml_text
 from gpusim.studies.expressions import FUNCTIONS
 
 DISTRIBUTIONS = "uniform", "log_uniform", "normal", "log_normal"
@@ -146,6 +147,8 @@ class StudyTable(Table):
     """Keys that count up from repeat to repeat."""
     seed: Seed = 0
     """Of the design: another one draws other points."""
+    backend: Literal["auto", "gpu", "numpy"] = "auto"
+    """What makes them: a device where there is one, a device, or NumPy."""
     sensitivity: bool = False
     """Choose the points that Sobol indices are computed of."""
     rows: Key | None = None
@@ -197,8 +200,8 @@ class Study:
     truth: bool = False
 
 
-def load_study(path: str | PathLike[str]) -> Study:
-    """Read and check a study file, and the scene that it names.
+def load_study(path: str | PathLike[str], backend: str | None = None) -> Study:
+    """Read and check a study file, and the scene that it names; ``backend``: in place of its own.
 
     Raises SceneError with every fault of the tables, or of the scene; InputError for a scene that
     has variants.
@@ -233,7 +236,17 @@ def load_study(path: str | PathLike[str]) -> Study:
         names = ", ".join(one.name for one in scene.variants)
         expected = "a scene without: list what they set as a [[parameter]]"
         raise InputError(f"{place}: scene has variants; got {names}; expected {expected}")
-    return Study(tables, scene, place.parent.absolute(), str(place))
+    chosen = chosen_backend("study", backend or tables.backend)
+    return Study(tables, scene, place.parent.absolute(), str(place), chosen)
+
+
+def study_text(study: Study) -> str:
+    """The study as a file that may lie anywhere on this machine."""
+    content = study.tables.model_dump(mode="json", by_alias=True, exclude_unset=True)
+    content |= {"scene": str(Path(study.scene.source).absolute()), "backend": study.backend}
+    if study.tables.rows is not None:
+        content["rows"] = str(study.folder / study.tables.rows)
+    return toml_text(content)
 
 
 def _schema() -> dict[str, Any]:
