@@ -16,6 +16,7 @@ from gpusim.files.output_folder import check_below, claim, inside
 from gpusim.graph.folder import INNER
 from gpusim.pipeline.runner.stage_log import Progress, silent
 from gpusim.studies.batch import Worker
+from gpusim.studies.budget import uncertainty_budget, with_rig, write_budget
 from gpusim.studies.executors import Client, Here, LocalPool, Pool, local_workers
 from gpusim.studies.plan import StudyPlan, check_samples, study_plan
 from gpusim.studies.rows import FINAL, RowLog, read_rows
@@ -73,9 +74,12 @@ def study(
     samples = checked_samples(loaded)
     with claim(out) as folder:
         check_below(folder, INNER)
+        loaded = with_rig(loaded, folder)
         work_off(loaded, samples, folder, workers, scheduler, progress or silent)
         table = SampleTable.from_rows(loaded, samples, read_rows(folder, samples))
         table.write(folder)
+        if loaded.tables.budget is not None:
+            write_budget(loaded.scene.name, uncertainty_budget(loaded, table), folder)
     return table
 
 

@@ -19,6 +19,7 @@ from gpusim.scene.faults.faults import faults_of, unread
 from gpusim.scene.faults.key_paths import key_lines
 from gpusim.scene.tables.table import Count, Listed, Pair, Seed, Table, fault
 from gpusim.scene.toml_text import parse_toml, toml_text
+from gpusim.studies.budget_tables import BudgetTable
 from gpusim.studies.expressions import FUNCTIONS
 
 DISTRIBUTIONS = "uniform", "log_uniform", "normal", "log_normal"
@@ -159,6 +160,8 @@ class StudyTable(Table):
     """What follows from it."""
     constraint: Annotated[tuple[ConstraintTable, ...], Listed()] = ()
     """What samples have to fulfil."""
+    budget: BudgetTable | None = None
+    """Of the scene's measurements the uncertainty, in place of parameters."""
 
     @property
     def drawn(self) -> tuple[ParameterTable, ...]:
@@ -167,6 +170,10 @@ class StudyTable(Table):
 
     @model_validator(mode="after")
     def _together(self) -> Self:
+        varied = self.parameter or self.derived or self.constraint or self.rows
+        if self.budget is not None and (varied or self.repeats > 1):
+            expected = "a study without parameters, rows and repeats"
+            raise fault("budget", "draws by itself", "both", expected)
         if bool(self.drawn) != (self.samples is not None):
             expected = (
                 "a number of points" if self.drawn else "none where nothing has a distribution"

@@ -2,7 +2,6 @@
 
 In the order in which data passes:
 
-- `budget_tables`: ``[budget]``: what the uncertainty comes from, and how it is drawn.
 - `sources`: The sources that a scene has anyway, with what is common in a laboratory.
 - `draws`: What the keys of the sources are in each draw.
 - `budget_study`: A budget as a study: its samples, and what they say.
@@ -12,8 +11,8 @@ In the order in which data passes:
 """
 
 from gpusim.public_names import public_names as _public_names
-from gpusim.studies.budget.budget_study import BudgetStudy as BudgetStudy
-from gpusim.studies.budget.budget_tables import BudgetTable as BudgetTable
+from gpusim.studies.budget.budget_study import uncertainty_budget as uncertainty_budget
+from gpusim.studies.budget.budget_study import with_rig as with_rig
 from gpusim.studies.budget.page import write_budget as write_budget
 from gpusim.studies.budget.uncertainty import SourceDraws as SourceDraws
 from gpusim.studies.budget.uncertainty import UncertaintyBudget as UncertaintyBudget

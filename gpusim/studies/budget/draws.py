@@ -18,7 +18,7 @@ from scipy.stats import norm, qmc
 from gpusim.arrays.array_types import Float
 from gpusim.scene import Scene
 from gpusim.scene.faults.key_paths import pick
-from gpusim.studies.budget.budget_tables import BudgetSourceTable, BudgetTable
+from gpusim.studies.budget_tables import BudgetSourceTable, BudgetTable
 from gpusim.studies.budget.sources import Sources
 from gpusim.validation import require
 
@@ -40,10 +40,7 @@ class Drawn:
 def draw(scene: Scene, sources: Sources, tables: BudgetTable) -> list[Drawn]:
     """All sources, each drawn ``tables.draws`` times. Raises InputError for a key that the scene
     hasn't got, or that can't be drawn like that."""
-    document = scene.document
-    sizes = {
-        name: [(own, _nominal(own, document)) for own in group] for name, group in sources.items()
-    }
+    sizes = _sizes(scene, sources)
     needed = sum(
         1 if own.together or own.choices else sum(len(one) for one in nominal.values())
         for group in sizes.values() for own, nominal in group if not own.seeds
@@ -53,19 +50,27 @@ def draw(scene: Scene, sources: Sources, tables: BudgetTable) -> list[Drawn]:
     evenly = iter(points[:count].T)
     found = []
     for name, group in sizes.items():
-        changes = [
-            {key: value for own, _ in group for key, value in own.set.items()} for _ in range(count)
-        ]
+        changes: dict[str, Sequence[Any]] = {}
         columns: dict[str, Float] = {}
         for own, nominal in group:
             for key, values, labels in _drawn(own, nominal, evenly, count):
                 columns |= labels
-                for change, value in zip(changes, values, strict=True):
-                    change.pop(key, None)  # what is set comes first
-                    change[key] = value
+                changes[key] = values
+        rows = [dict(zip(changes, row, strict=True)) for row in zip(*changes.values(), strict=True)]
         freedom = [one.degrees_of_freedom for one, _ in group if one.degrees_of_freedom]
-        found.append(Drawn(name, tuple(columns), np.column_stack([*columns.values()]), changes,
+        found.append(Drawn(name, tuple(columns), np.column_stack([*columns.values()]), rows,
                            min(freedom, default=None)))  # fmt: skip
+    return found
+
+
+def undrawn(scene: Scene, sources: Sources) -> Overrides:
+    """What all keys of the sources are where they aren't drawn. Raises as `draw`."""
+    found: Overrides = {}
+    for group in _sizes(scene, sources).values():
+        for own, nominal in group:
+            found |= own.set
+            for key, items in nominal.items():
+                found.setdefault(key, items if _is_list(own, key, items) else items[0])
     return found
 
 
@@ -73,6 +78,20 @@ def together(drawn: Sequence[Drawn]) -> list[Overrides]:
     """The draws of all sources at once."""
     every = zip(*(one.overrides for one in drawn), strict=True)
     return [{key: value for own in row for key, value in own.items()} for row in every]
+
+
+def _sizes(
+    scene: Scene, sources: Sources
+) -> dict[str, list[tuple[BudgetSourceTable, dict[str, list[Any]]]]]:
+    """By source its tables, each with what its keys are in the scene."""
+    document = scene.document
+    return {
+        name: [(own, _nominal(own, document)) for own in group] for name, group in sources.items()
+    }
+
+
+def _is_list(own: BudgetSourceTable, key: str, items: Sequence[Any]) -> bool:
+    return isinstance(own.set.get(key), list | tuple) or len(items) > 1
 
 
 def _nominal(own: BudgetSourceTable, document: Mapping[str, Any]) -> dict[str, list[Any]]:
@@ -111,7 +130,7 @@ def _drawn(
             shares = [next(evenly) if common is None else common for _ in items]
             offs = [_off(own, one, item) for one, item in zip(shares, items, strict=True)]
             rows = np.column_stack(offs) + np.array(items, dtype=np.float64)
-            is_list = isinstance(own.set.get(key), list | tuple) or len(items) > 1
+            is_list = _is_list(own, key, items)
             labels = [f"{key}.{k}" for k in range(len(items))] if is_list else [key]
             yield (key, rows.tolist() if is_list else rows[:, 0].tolist(),
                    dict(zip(labels, rows.T, strict=True)))  # fmt: skip

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
 _COLOURS = ("#0072b2", "#d55e00", "#0b8f6a", "#cc79a7", "#e69f00", "#56b4e9", "#5b6876", "#000000")
-_CAPTION = "Shares of the variance; a source's standard uncertainty goes with the root of its share."
+_CAPTION = (
+    "Shares of the variance; a source's standard uncertainty goes with the root of its share."
+)
 
 
 def write_budget(name: str, budget: UncertaintyBudget, out: PathLike) -> Path:

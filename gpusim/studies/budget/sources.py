@@ -14,7 +14,7 @@ import numpy as np
 from gpusim.errors import nearest_name, require
 from gpusim.scene import Scene
 from gpusim.scene.effects import active_effects
-from gpusim.studies.budget.budget_tables import BudgetSourceTable, BudgetTable
+from gpusim.studies.budget_tables import BudgetSourceTable, BudgetTable
 
 CALIBRATED = {"focal": 0.02, "principal point": 0.3, "distortion": 1.0, "position": 0.02,
               "orientation": 0.01}  # fmt: skip
@@ -40,7 +40,9 @@ def sources_of(scene: Scene, tables: BudgetTable) -> Sources:
         expected = ", ".join(common) + nearest_name(name, common)
         require(name in common, "budget.sources", repr(name), expected)
     found = {
-        name: own for name, own in common.items() if tables.sources is None or name in tables.sources
+        name: own
+        for name, own in common.items()
+        if tables.sources is None or name in tables.sources
     }
     for name in {table.name for table in tables.source}:
         found.pop(name, None)

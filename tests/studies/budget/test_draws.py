@@ -11,7 +11,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.scene import Scene
-from gpusim.studies.budget.budget_tables import BudgetSourceTable, BudgetTable
+from gpusim.studies.budget_tables import BudgetSourceTable, BudgetTable
 from gpusim.studies.budget.draws import draw, together
 from gpusim.studies.budget.sources import sources_of
 from tests.support.shifted_plate import shifted_plate
@@ -66,7 +66,9 @@ def test_sources_that_a_scene_has() -> None:
     names = list(sources_of(scene, BudgetTable()))
     assert names == ["quantisation", "focal length", "principal point", "position", "orientation",
                      "light", "vibration", "speckle", "settings"]  # fmt: skip
-    noisy = scene.replace("sensor.full_well_e", 1e4).replace("camera.left.distortion", [0.1, 0.0, 0.0, 0.0])
+    noisy = scene.replace("sensor.full_well_e", 1e4).replace(
+        "camera.left.distortion", [0.1, 0.0, 0.0, 0.0]
+    )
     names = list(sources_of(noisy, BudgetTable()))
     assert "noise" in names and "distortion" in names
     drawn = draw(noisy, sources_of(noisy, BudgetTable()), BudgetTable(draws=5))

@@ -26,7 +26,9 @@ def test_deep_targets_and_pairs_tell_all() -> None:
     """A plane has eight degrees of freedom in a picture, one less than a camera; a box has all."""
     lens = ((24.0, 16.0), 30.0, (600, 400))
     first = Camera.from_lens(*lens, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0))
-    x, y = (one.ravel() for one in np.meshgrid(np.linspace(-0.3, 0.3, 7), np.linspace(-0.2, 0.2, 7)))
+    x, y = (
+        one.ravel() for one in np.meshgrid(np.linspace(-0.3, 0.3, 7), np.linspace(-0.2, 0.2, 7))
+    )
     square, tilted, deep = (
         np.stack([x, y, z], axis=1) for z in (0.0 * x, 0.5 * x, 0.5 * np.cos(9 * x + 7 * y))
     )
