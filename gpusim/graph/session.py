@@ -14,12 +14,14 @@ class Session:
     """The device, values in memory by key, and what stages keep from record to record.
 
     ``options``: how work is done (backend, shortcuts). ``kept``: by the name of a stage, what its
-    last record left for the next one to save time.
+    last record left for the next one to save time. ``results``: measurements by key, for who wants
+    them as they were made; None: nobody does.
     """
 
     options: Any
     values: dict[str, Any] = field(default_factory=dict)
     kept: dict[str, Any] = field(default_factory=dict)
+    results: dict[str, Any] | None = None
 
     @cached_property
     def device(self) -> Device | None:

@@ -22,15 +22,18 @@ Found = list[tuple[Keys, Fault]]
 
 
 def find_files(
-    document: dict[str, Any], folder: Path, known: Mapping[str, str]
+    document: dict[str, Any], folder: Path, known: Mapping[str, str], found: bool = False
 ) -> tuple[Found, tuple[tuple[str, str], ...]]:
     """Make the files in ``document`` absolute, in place; relative ones lie in ``folder``.
 
     Returns faults for files that can't be read, or aren't what is ``known`` of them, and (path,
     SHA-256) of all, with those that they name. A mesh with
     ``file`` and no ``builder`` gets the builder "file", a prop without a type the type "plate".
-    What isn't of the right shape is left to the schema.
+    What isn't of the right shape is left to the schema. ``found``: all that is ``known`` is what
+    there is, and nobody looks again.
     """
+    if found:
+        return [], tuple(known.items())
     files = _Files(folder, known)
     for index, body in tables_of(document, "body"):
         files.enter_pictures(body, ("body", index))

@@ -53,6 +53,7 @@ class SceneParts:
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
+        self._texts: dict[tuple[str, str], str] = {}
         self._hashes = {
             json.dumps(path)[1:-1]: f"{sha256}{Path(path).suffix}{_mesher(path)}"
             for path, sha256 in scene.files
@@ -70,11 +71,9 @@ class SceneParts:
         props without their poses; without a section of sensors, cameras have none of their own.
         Raises KeyError for an unknown section.
         """
-        values = {section: self._value(section, sections) for section in sections}
-        texts = {
-            section: json.dumps(value, default=_plain, sort_keys=True)
-            for section, value in values.items()
-        }
+        electric = next((one for one in sections if one.startswith("sensor")), "")
+        values = {section: self._value(section, electric) for section in sections}
+        texts = {section: self._text(section, electric, values[section]) for section in sections}
         is_read = any(path in text for text in texts.values() for path in self._hashes)
         part = object.__new__(Scene)
         known: dict[str, Any] = {"source": self._scene.source}
@@ -86,6 +85,13 @@ class SceneParts:
             object.__setattr__(part, name, value)
         return Part(part, {section: self._digest(text) for section, text in texts.items()})
 
+    def _text(self, section: str, electric: str, value: Any) -> str:
+        """A section as text, for its digest; made once."""
+        key = section, electric if section.startswith("camera") else ""
+        if key not in self._texts:
+            self._texts[key] = _encoded(value)
+        return self._texts[key]
+
     def _digest(self, text: str) -> str:
         """Of a section's text, in which a file is what it holds, wherever it lies."""
         named = [path for path in self._hashes if path in text]
@@ -95,7 +101,7 @@ class SceneParts:
             text += self._included
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
-    def _value(self, section: str, sections: tuple[str, ...]) -> Any:
+    def _value(self, section: str, electric: str) -> Any:
         head, *rest = section.split(".")
         whole = getattr(self._scene, SECTIONS[head])
         if section == "sensor.response":
@@ -112,7 +118,6 @@ class SceneParts:
         if section == "output.meshes":
             return OutputTable.model_construct(vtu=whole.vtu, stl=whole.stl, stress=whole.stress)
         if head == "camera":
-            electric = next((one for one in sections if one.startswith("sensor")), "")
             return tuple(_equipped(camera, electric) for camera in _named(whole, rest))
         if head == "body" and len(rest) == 2:
             return tuple(_cut(body, rest[1]) for body in _named(whole, rest[:1]))
@@ -190,3 +195,6 @@ def _plain(value: object) -> Any:
         present = [one.name for one in fields(value) if one.name in vars(value)]
         return [type(value).__name__, {name: vars(value)[name] for name in present}]
     raise TypeError(f"{type(value).__name__}: no plain data")
+
+
+_encoded = json.JSONEncoder(default=_plain, sort_keys=True).encode

@@ -108,19 +108,20 @@ class Scene:
         overrides: Mapping[str, Any] | None = None,
         folder: str | Path = ".",
         files: Iterable[tuple[str, str]] = (),
+        resolved: bool = False,
     ) -> Scene:
         """Validate a plain document (nested dicts and lists, keys as in the file).
 
         ``origins`` tells the line of each key for messages. ``overrides`` (dotted path -> value)
-        are applied first; mesh files are looked for in ``folder``. ``files``: what is known of
-        them (`files`); one that was changed since is a fault. Raises SceneError with every fault
-        of document and overrides.
+        come first; mesh files are looked for in ``folder``. ``files``: what is known of them; one
+        that was changed since is a fault. ``resolved``: it is a scene's `document`, and those are
+        its files. Raises SceneError with every fault of document and overrides.
         """
         origins = origins or {}
-        for given in (document, overrides or {}):
+        for given in (*([] if resolved else [document]), overrides or {}):
             if wrong := document_fault(given):
                 raise SceneError(source, [wrong])
-        plain = copy.deepcopy(dict(document))
+        plain = dict(document) if resolved else copy.deepcopy(dict(document))
         faults: list[Fault] = []
         changed: list[Keys] = []
         for path, value in (overrides or {}).items():
@@ -130,7 +131,7 @@ class Scene:
             else:
                 changed.append(done)
         origins = overridden(origins, changed)
-        unread, hashes = find_files(plain, Path(folder), dict(files))
+        unread, hashes = find_files(plain, Path(folder), dict(files), resolved)
         load_kinds(plain)
         complete_from_video(plain, document.get("video") if changed else None)
         table, more = None, 0

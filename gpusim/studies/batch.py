@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from gpusim.graph.graph import Graph, Task
 from gpusim.graph.runner import Runner, StageFailed
 from gpusim.graph.session import Session
 from gpusim.graph.store import Store
+from gpusim.pipeline.measurements.results import Result
 from gpusim.pipeline.runner.scene_report import failure_text, read_results
 from gpusim.plan.decision import Decision
 from gpusim.plan.scene_stages import SceneStages, scene_stages
@@ -41,6 +43,12 @@ def targets(study: Study, scene: Scene) -> set[str]:
     return names | {f"measure/{one.name}" for one in scene.measures} | {*["truth"] * study.truth}
 
 
+def _bare(study: Study) -> Scene:
+    """The base scene without output that samples don't make: none of their stages is looked at."""
+    truth = study.scene.document["output"].get("truth", []) if study.truth else []
+    return study.scene.replace("output", {"fields": False, "truth": truth})
+
+
 class Worker:
     """What makes samples of the study in ``out`` in this process: its device, store and rows.
 
@@ -55,7 +63,7 @@ class Worker:
     def __init__(self, out: Path, backend: str) -> None:
         self.out = out
         self.store = Store(inside(out, INNER))
-        self.session = Session(RunOptions(backend))
+        self.session = Session(RunOptions(backend), results={})
         self.log = RowLog(out)
         self.stop = out / STOP
 
@@ -104,9 +112,10 @@ class _Batch:
         self.tries: Counter[str] = Counter()
         self.begun: set[str] = set()
         self.statuses: dict[int, str] = {}
+        bare = replace(study, scene=_bare(study))
         for sample in samples:
             try:
-                scene = sample.scene(study)
+                scene = sample.scene(bare)
             except GpusimError as error:
                 self._add(sample, "refused", str(error))
                 continue
@@ -122,8 +131,9 @@ class _Batch:
                 except StageFailed as failed:
                     self._fail(failed.task, failed.__cause__ or failed)
         finally:
-            self.worker.session.values.clear()
-            self.worker.session.kept.clear()
+            session = self.worker.session
+            for kept in (session.values, session.kept, session.results or {}):
+                kept.clear()
 
     def _make(self) -> None:
         """Make the results of those that are left. Raises StageFailed."""
@@ -156,7 +166,8 @@ class _Batch:
         """Add the row of a sample whose results are there; what it shares with others counts for
         the first."""
         sample, scene, _ = self.left[place]
-        told = [one.report(scene, self.worker.out) for one in read_results(decision, place)]
+        results = [self._result(decision, place, one.name) for one in scene.measures]
+        told = [result.report(scene, self.worker.out) for result in results]
         measurements = [
             [item.name, item.unit, item.measured, item.truth, item.error]
             for one in told for item in one.measurements
@@ -166,6 +177,12 @@ class _Batch:
         seconds = sum(self.seconds.pop(key) for key in keys & self.seconds.keys())
         self._add(sample, "done", "", round(seconds, 4), measurements, made)
         del self.left[place]
+
+    def _result(self, decision: Decision, place: str, measure: str) -> Result:
+        """What was measured, now or before."""
+        (key,) = decision.graph.records[place][f"measure/{measure}"]
+        made = (self.worker.session.results or {}).get(key)
+        return read_results(decision, place, measure)[0] if made is None else made
 
     def _fail(self, task: Task, cause: BaseException) -> None:
         """Add rows for the samples that need what came to nothing, unless it is tried again."""

@@ -50,7 +50,14 @@ def evaluated(text: str, columns: Mapping[str, Values], where: str) -> Values:
         tree = ast.parse(text.strip(), mode="eval").body
         with np.errstate(all="ignore"):
             return np.asarray(_value(tree, columns, where))
-    except (SyntaxError, ValueError, RecursionError, MemoryError, TypeError) as error:
+    except (
+        SyntaxError,
+        ValueError,
+        RecursionError,
+        MemoryError,
+        TypeError,
+        OverflowError,
+    ) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(f"{where}: no expression; got {text!r}; expected {_EXPECTED}") from None

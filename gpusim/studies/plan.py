@@ -204,36 +204,44 @@ def check_samples(study: Study, samples: Sequence[Sample]) -> None:
     lists. Raises SceneError for keys that there aren't, and for values that a key never takes; what
     is wrong in a sample for other reasons is its own affair."""
     faults: dict[str, Fault] = {}
-    for key, sample in _extremes([one for one in samples if not one.refused]):
-        try:
-            sample.scene(study)
-        except SceneError as error:
-            for fault in error.faults:
-                if fault.problem.startswith(_NOWHERE) or _is_alone(study, sample, key, fault):
+    for key, first, last in _extremes([one for one in samples if not one.refused]):
+        found = [*_faults(study, first)]
+        if found and (first is last or any(_faults(study, last))):
+            for fault in found:
+                if fault.problem.startswith(_NOWHERE) or _is_alone(study, first, key, fault):
                     faults.setdefault(fault.key, fault)
     if faults:
         raise SceneError(study.source, list(faults.values()))
 
 
-def _extremes(samples: Sequence[Sample]) -> Iterator[tuple[str, Sample]]:
-    """Keys, and samples to be looked at for their sake."""
+def _faults(study: Study, sample: Sample) -> Sequence[Fault]:
+    try:
+        sample.scene(study)
+    except SceneError as error:
+        return error.faults
+    return ()
+
+
+def _extremes(samples: Sequence[Sample]) -> Iterator[tuple[str, Sample, Sample]]:
+    """Keys, and the first and the last sample with a value that is to be looked at for its sake."""
     for key in samples[0].overrides if samples else ():
         first: dict[str, Sample] = {}
+        last: dict[str, Sample] = {}
         for sample in samples:
-            first.setdefault(json.dumps(sample.overrides[key]), sample)
+            text = json.dumps(sample.overrides[key])
+            first.setdefault(text, sample)
+            last[text] = sample
+        chosen = list(first)
         if len(first) > _MOST_VALUES:
-            kinds: dict[type, list[Sample]] = {}
+            kinds: dict[type, list[Any]] = {}
             for sample in first.values():
-                kinds.setdefault(type(sample.overrides[key]), []).append(sample)
-
-            def size(sample: Sample, key: str = key) -> Any:
-                value = sample.overrides[key]
-                return value if isinstance(value, int | float) else json.dumps(value)
-
-            chosen = [pick(own, key=size) for own in kinds.values() for pick in (min, max)]
-        else:
-            chosen = [*first.values()]
-        yield from ((key, sample) for sample in chosen)
+                kinds.setdefault(type(sample.overrides[key]), []).append(sample.overrides[key])
+            chosen = [
+                json.dumps(pick(own, key=lambda value: value if is_number else json.dumps(value)))
+                for kind, own in kinds.items()
+                for is_number in (kind in (int, float),) for pick in (min, max)
+            ]  # fmt: skip
+        yield from ((key, first[text], last[text]) for text in chosen)
 
 
 def _is_alone(study: Study, sample: Sample, key: str, fault: Fault) -> bool:
@@ -244,8 +252,5 @@ def _is_alone(study: Study, sample: Sample, key: str, fault: Fault) -> bool:
     path = ".".join(map(str, place))
     if not f"{fault.key}.".startswith(f"{path}."):
         return False
-    try:
-        replace(sample, overrides={key: sample.overrides[key]}).scene(study)
-    except SceneError as error:
-        return any(f"{one.key}.".startswith(f"{path}.") for one in error.faults)
-    return False
+    alone = _faults(study, replace(sample, overrides={key: sample.overrides[key]}))
+    return any(f"{one.key}.".startswith(f"{path}.") for one in alone)

@@ -48,6 +48,7 @@ class Sample:
         return Scene.from_document(
             base.document, source=f"{base.source}, sample {self.number}",
             overrides=self.overrides, folder=Path(base.source).parent, files=base.files,
+            resolved=all(map(_is_numeric, self.overrides.values())),
         )  # fmt: skip
 
 
@@ -101,6 +102,15 @@ def samples_of(study: Study) -> Sequence[Sample]:
             key = digest([head, whole, named])
             found.append(Sample(len(found), repeat, values, whole, key, refused[point]))
     return found
+
+
+def _is_numeric(value: Any) -> bool:
+    """Whether there is nothing but numbers in it, so that it can't name a file."""
+    return (
+        all(map(_is_numeric, value))
+        if isinstance(value, list | tuple)
+        else not isinstance(value, str | dict)
+    )
 
 
 def _array(values: Sequence[Any]) -> Values:

@@ -25,6 +25,8 @@ def measure(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     device = session.device if spec.correlates else None
     result = measured(spec, scene, objects, _sources(scene, inputs, device))
     result.write(inputs.new_file("measure/-").parent)
+    if session.results is not None:
+        session.results[inputs.key] = result
     return StageResult(inputs.new_files(), words=f"{spec.name}: {result.note}")
 
 
