@@ -3,9 +3,9 @@ intervals hold the truth: ``python -m benchmarks.budget crane plate coverage``.
 
 ``crane``: the beam of the paper's crane (Zdziebko & Holak, Sensors 2021, 21(18), 6046), seen alone
 and with noise, all sources that it has. ``plate``: an extensometer on a plate that moves before a
-calibrated pair. ``coverage``: a budget of noise and of a scale that is known to 0.5 % is drawn, then
-the plate is measured ``--runs`` times by other draws of both; each result, less the budget's mean
-error, has its expanded uncertainty around it, and it is counted how often that holds the truth.
+calibrated pair. ``coverage``: a budget of noise and of a scale that is known to 0.5 % is drawn,
+then the plate is measured ``--runs`` times by other draws of both; each result, less the budget's
+mean error, has its expanded uncertainty around it; how often that holds the truth is counted.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def print_coverage(draws: int, runs: int, workers: int) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("parts", nargs="*", default=["crane", "plate", "coverage"])
-    parser.add_argument("--draws", type=int, default=64, help="of each source")
+    parser.add_argument("--draws", type=int, default=32, help="of each source")
     parser.add_argument("--runs", type=int, default=1000)
     parser.add_argument("--workers", type=int, default=1)
     given = parser.parse_args()
@@ -114,7 +114,7 @@ def main() -> None:
         title = f"Stereo plate, {given.draws} draws of each source"
         print_budget(title, uncertainty_budget(made, table))
     if "coverage" in given.parts:
-        print_coverage(4 * given.draws, given.runs, workers)
+        print_coverage(8 * given.draws, given.runs, workers)
     print(f"\n{time.process_time() - start:.0f} s of a processor, without workers")
 
 

@@ -44,15 +44,10 @@ class BudgetSourceTable(Table):
     """Keys are seeds, another one in each draw."""
     together: bool = False
     """All keys are off by as many standard uncertainties, in place of each on its own."""
-    set: dict[str, Any] = {}
+    set: dict[str, Any] = Field({})
     """Keys that this source sets before it draws: what it draws around, or what it needs."""
     degrees_of_freedom: Positive = None
     """How well its size is known; without it as many as there are draws, less one."""
-
-    @property
-    def kind(self) -> str:
-        """How it is drawn."""
-        return next(kind for kind in KINDS if getattr(self, kind) is not None)
 
     @model_validator(mode="after")
     def _one_kind(self) -> Self:

@@ -207,8 +207,11 @@ class Study:
     truth: bool = False
 
 
-def load_study(path: str | PathLike[str], backend: str | None = None) -> Study:
+def load_study(
+    path: str | PathLike[str], backend: str | None = None, *, budget: bool = False
+) -> Study:
     """Read and check a study file, and the scene that it names; ``backend``: in place of its own.
+    ``budget``: the file is a scene, whose uncertainty budget the study is.
 
     Raises SceneError with every fault of the tables, or of the scene; InputError for a scene that
     has variants.
@@ -227,7 +230,8 @@ def load_study(path: str | PathLike[str], backend: str | None = None) -> Study:
     """
     place = Path(path)
     try:
-        text = read_input(place, "a study file").text("TOML in UTF-8")
+        text = toml_text({"scene": place.name, "budget": {}}) if budget else (
+            read_input(place, "a study file").text("TOML in UTF-8"))  # fmt: skip
     except InputError as error:
         raise SceneError(str(place), [unread(error, "file", place)]) from None
     document = parse_toml(text)

@@ -68,7 +68,12 @@ def radiance(scene: Scene, inputs: Inputs, session: Session) -> Radiance:
     in_time = None if shutter is None else objects.around(range(len(frames)), now, between)
     surfaces = in_time or objects.surfaces(now)
     name = f"radiance/{camera.name}"
-    seen_by = camera, later, scene.lights, scene.render  # other variants have cameras of this name, too
+    seen_by = (
+        camera,
+        later,
+        scene.lights,
+        scene.render,
+    )  # other variants have cameras of this name, too
     last: tuple[Any, Sequence[Surface], Frame] | None = session.kept.pop(name, None)
     alike = last is not None and last[0] == seen_by and session.options.skip
     if last is not None and alike and not callable(surfaces):

@@ -11,35 +11,35 @@ import numpy as np
 
 from gpusim._version import __version__
 from gpusim.arrays.array_types import Float
-from gpusim.errors import InputError
 from gpusim.files.atomic_files import write_text
 from gpusim.files.output_folder import inside
 from gpusim.graph.stage import digest
 from gpusim.optics.calibration.formats import calibration_text
 from gpusim.pipeline.scene_objects.cameras import build_camera
-from gpusim.studies.budget_tables import BudgetTable
-from gpusim.studies.budget.draws import Overrides, draw, together, undrawn
+from gpusim.studies.budget.draws import Overrides, draw, together
 from gpusim.studies.budget.identifiability import remarks
 from gpusim.studies.budget.sources import sources_of
 from gpusim.studies.budget.uncertainty import SourceDraws, UncertaintyBudget
+from gpusim.studies.budget_tables import BudgetTable
 from gpusim.studies.samples import Sample
 from gpusim.studies.study_tables import Study
 from gpusim.studies.table import SampleTable
+from gpusim.validation import require
 
-RIG = "budget/rig.yml"
-"""The cameras as pairs measure with them."""
+RIG = "budget/rig.yml"  # the cameras as pairs measure with them
 JOINT = "all together"
+# units of what counts or judges, and what names have that tell how well something is measured
 _NO_QUANTITIES = "1", "px^2"
-"""Units of what counts, or judges, rather than measures."""
 _QUALITY = ("RMS", "bias", "deviation", "noise", "resolution", "error", "motion of a static")
-"""What names of numbers have that tell how well something is measured."""
 
 
 def budget_samples(study: Study) -> Sequence[Sample]:
     """The samples of a study's budget. Raises InputError for a source that the scene hasn't got."""
     tables, base = _tables(study), study.scene
-    sources = sources_of(base, tables)
-    drawn, whole = draw(base, sources, tables), undrawn(base, sources)
+    where, got = f"budget: scene {base.name!r}", f"{len(base.measures)} measures"
+    require(bool(base.measures), where, got, "a [[measure]]")
+    drawn = draw(base, sources_of(base, tables), tables)
+    whole = {key: value for one in drawn for key, value in one.nominal.items()}
     rows: list[tuple[str, int, Overrides]] = [("", 0, {})]
     for name, changes in [*((one.name, one.overrides) for one in drawn), (JOINT, together(drawn))]:
         rows += [(name, number, change) for number, change in enumerate(changes)]
@@ -74,9 +74,8 @@ def uncertainty_budget(study: Study, table: SampleTable) -> UncertaintyBudget:
     measured that has a true value."""
     tables, scene = _tables(study), study.scene
     quantities = _counted(table)
-    if not quantities:
-        got = next((one for one in table["error"] if one), "no measure of a true number")
-        raise InputError(f"budget: scene {scene.name!r}; got {got}; expected a [[measure]]")
+    got = next((one for one in table["error"] if one), "no number with a true value")
+    require(bool(quantities), f"budget: scene {scene.name!r}", got, "measured numbers")
     errors = np.column_stack([table.of(one) for one in quantities])
 
     def of(source: str) -> Float:

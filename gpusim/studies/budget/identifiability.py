@@ -14,20 +14,17 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from gpusim.arrays.array_types import Float
+from gpusim.errors import InputError
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.measurements.region_of_interest import region_of_interest
 from gpusim.pipeline.scene_objects.cameras import build_camera
 from gpusim.scene import Scene
 from gpusim.scene.description.measure_table import MeasureTable
 
-LEAST = 1e-3
-"""Of the largest singular value."""
-_TAKES_PART = 0.05
-"""Of two parameters, the element of the projector on what isn't identifiable that ties them."""
-_STEP = 1e-5
-"""Of differences: rad, and of the distance and the focal length."""
-_ACROSS, _MOST = 500, 2000
-"""Columns of the picture that are looked at, and points, at most."""
+LEAST = 1e-3  # of the largest singular value
+_TAKES_PART = 0.05  # of the projector on what isn't identifiable, the element that ties two
+_STEP = 1e-5  # of differences: rad, and of the distance and the focal length
+_ACROSS, _MOST = 500, 2000  # columns of the picture that are looked at, and points, at most
 PARAMETERS = (
     "focal length", "principal point across", "principal point down", "position across",
     "position down", "position along the axis", "turn about the picture's x",
@@ -41,8 +38,8 @@ def remarks(scene: Scene) -> list[str]:
     cameras = {one.name: build_camera(one, scene.input) for one in scene.cameras}
     for spec in scene.measures:
         views = [cameras[name] for name in spec.views]
-        points = seen_points(scene, spec)
-        if len(points) < 4:
+        points = seen_points(scene, spec) if views else np.zeros((0, 3))
+        if len(points) < len(PARAMETERS):
             continue
         forward = views[0].camera_from_world[2, :3]
         away = float((points.mean(axis=0) - views[0].eye) @ forward)
@@ -70,7 +67,10 @@ def seen_points(scene: Scene, spec: MeasureTable) -> Float:
     motion, camera = scene.motion(), spec.views[0]
     stride = max(motion.camera(camera).width // _ACROSS, 1)
     region = getattr(spec, "roi", None)
-    seen = region_of_interest(f"measure {spec.name!r}", region, motion, camera, stride)
+    try:
+        seen = region_of_interest(f"measure {spec.name!r}", region, motion, camera, stride)
+    except InputError:  # too small for these few pixels
+        return np.zeros((0, 3))
     some = slice(None, None, -(-len(seen.points) // _MOST))
     return np.asarray(motion.position(seen.points[some], None))
 

@@ -16,16 +16,13 @@ from gpusim.scene import Scene
 from gpusim.scene.effects import active_effects
 from gpusim.studies.budget_tables import BudgetSourceTable, BudgetTable
 
+# standard uncertainties: in percent; px; percent; percent of the distance
 CALIBRATED = {"focal": 0.02, "principal point": 0.3, "distortion": 1.0, "position": 0.02,
               "orientation": 0.01}  # fmt: skip
-"""Standard uncertainties of a calibrated pair: in percent; px; percent; percent of the distance."""
 SET_UP = {"focal": 0.5, "principal point": 5.0, "distortion": 10.0, "position": 0.2,
           "orientation": 0.2}  # fmt: skip
-"""The same of a camera alone."""
-DRIFT = 1.0
-"""Percent of brightness between frames."""
-SHAKE_UM, SHAKE_DEG = 2.0, 0.0002
-"""Between frames, along and about each axis of a camera."""
+DRIFT = 1.0  # percent of brightness
+SHAKE_UM, SHAKE_DEG = 2.0, 0.0002  # along and about each axis of a camera
 
 Sources = dict[str, list[BudgetSourceTable]]
 
@@ -39,13 +36,9 @@ def sources_of(scene: Scene, tables: BudgetTable) -> Sources:
     for name in tables.sources or ():
         expected = ", ".join(common) + nearest_name(name, common)
         require(name in common, "budget.sources", repr(name), expected)
-    found = {
-        name: own
-        for name, own in common.items()
-        if tables.sources is None or name in tables.sources
-    }
-    for name in {table.name for table in tables.source}:
-        found.pop(name, None)
+    own = {table.name for table in tables.source}
+    wanted = set(common if tables.sources is None else tables.sources)
+    found = {name: common[name] for name in common if name in wanted - own}
     for table in tables.source:
         found.setdefault(table.name, []).append(table)
     return found
@@ -63,9 +56,7 @@ def _common(scene: Scene) -> Iterator[BudgetSourceTable]:
     black = (document["sensor"].get("black_level_DN") or 0.0) + 0.5
     yield source("quantisation", "sensor.black_level_DN", half_width=0.5,
                  set={"sensor.black_level_DN": black})  # fmt: skip
-    paired = {
-        view for spec in scene.measures if len(spec.views) > 1 for view in spec.views
-    }  # fmt: skip
+    paired = {view for spec in scene.measures if len(spec.views) > 1 for view in spec.views}
     measured = {view for spec in scene.measures for view in spec.views}
     cameras = [one for one in document["camera"] if one["name"] in measured]
     for camera in cameras:
@@ -81,9 +72,9 @@ def _common(scene: Scene) -> Iterator[BudgetSourceTable]:
         for name, keys, kind, value in _of_camera(camera, size):
             yield source(name, *keys, **{kind: value})
     yield source("light", "sensor.drift_percent", normal=DRIFT, set={"sensor.drift_percent": 0.0})
-    for key, size in (("moved_um", SHAKE_UM), ("turned_deg", SHAKE_DEG)):
+    for key, size in (("moved_um", SHAKE_UM), ("turned_deg", SHAKE_DEG)) if cameras else ():
         paths = [f"camera.{camera['name']}.{key}" for camera in cameras]
-        yield source("vibration", *paths, normal=size, set=dict.fromkeys(paths, [0.0, 0.0, 0.0]))
+        yield source("vibration", *paths, normal=size, set={path: [0.0] * 3 for path in paths})
     speckled = [
         f"{kind}.{thing['name']}.paint.{paint['name']}.seed"
         for kind in ("body", "prop") for thing in document.get(kind, ())
@@ -101,27 +92,26 @@ def _of_camera(
     camera: Mapping[str, Any], size: Mapping[str, float]
 ) -> Iterator[tuple[str, list[str], str, float]]:
     """Sources of a camera's calibration: name, keys, how they are drawn, and how far."""
-    path = f"camera.{camera['name']}"
+    path, pitch = f"camera.{camera['name']}", 1.0
+    focal, centre = ["fx_px", "fy_px"], ["cx_px", "cy_px"]
     if camera.get("focal_mm") is not None:
-        yield "focal length", [f"{path}.focal_mm"], "percent", size["focal"]
         width = camera.get("pixel_um") or 1e3 * camera["sensor_mm"][0] / camera["resolution_px"][0]
-        yield ("principal point", [f"{path}.principal_point_offset_mm"], "normal",
-               size["principal point"] * width / 1e3)  # fmt: skip
-    elif camera.get("fx_px") is not None:
-        yield "focal length", [f"{path}.fx_px", f"{path}.fy_px"], "percent", size["focal"]
-        yield ("principal point", [f"{path}.cx_px", f"{path}.cy_px"], "normal",
-               size["principal point"])  # fmt: skip
-    bent = [f"{path}.distortion.{k}" for k, one in enumerate(camera["distortion"]) if one]
-    if bent:
-        yield "distortion", bent, "percent", size["distortion"]
-    if camera.get("target_mm") is not None:
-        away = float(np.linalg.norm(np.subtract(camera["target_mm"], camera["position_mm"]))) / 100
-        # the axis stays as it is directed where the camera moves with what it looks at
-        yield "position", [f"{path}.position_mm"], "normal", size["position"] * away
-        yield "orientation", [f"{path}.target_mm"], "normal", size["orientation"] * away
-    elif camera.get("translation_mm") is not None:
-        away = float(np.linalg.norm(camera["translation_mm"])) / 100
-        yield "position", [f"{path}.translation_mm"], "normal", size["position"] * away
-        turn = "rotation_vector" if camera.get("rotation_vector") is not None else ""
-        if turn:
-            yield "orientation", [f"{path}.{turn}"], "normal", size["orientation"] / 100
+        pitch, focal, centre = width / 1e3, ["focal_mm"], ["principal_point_offset_mm"]
+    place, direction, turn = "position_mm", "target_mm", 1.0
+    away = np.subtract(camera.get("target_mm") or 0.0, camera.get("position_mm") or 0.0)
+    if camera.get("translation_mm") is not None:
+        place, direction, away = "translation_mm", "rotation_vector", camera["translation_mm"]
+        turn = 1.0 / float(np.linalg.norm(away))
+    far = float(np.linalg.norm(away)) / 100.0
+    bent = [f"distortion.{k}" for k, one in enumerate(camera["distortion"]) if one]
+    for name, keys, kind, value in (
+        ("focal length", focal, "percent", size["focal"]),
+        ("principal point", centre, "normal", size["principal point"] * pitch),
+        ("distortion", bent, "percent", size["distortion"]),
+        ("position", [place], "normal", size["position"] * far),
+        ("orientation", [direction], "normal", size["orientation"] * far * turn),
+    ):
+        # of a camera that a file describes some aren't there to be drawn
+        known = [f"{path}.{key}" for key in keys if camera.get(key.split(".")[0]) is not None]
+        if known:
+            yield name, known, kind, value

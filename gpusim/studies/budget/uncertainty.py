@@ -19,10 +19,9 @@ from scipy.stats import t as student
 from gpusim.arrays.array_types import Float
 from gpusim.validation import require
 
-ADDITIVE = 0.05
-"""Relative difference from which on sources count as acting on each other."""
-BIASED = 1.0
-"""A mean error of so many standard uncertainties is worth being mended first."""
+ADDITIVE = 0.05  # relative difference from which on sources count as acting on each other
+_TOLD = ("combined", "freedom", "factor", "expanded", "joint_uncertainty", "bias", "interval",
+         "correlation")  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,8 +91,8 @@ class UncertaintyBudget:
         for name, errors in [*((one.name, one.errors) for one in self.sources),
                              ("all together", self.joint)]:  # fmt: skip
             found = np.count_nonzero(np.isfinite(errors), axis=0)
-            fits = errors.shape[1:] == (count,) and bool((found >= 3).all())
-            expected = f"3 or more of each of {count} quantities"
+            fits = errors.shape == (len(self.joint), count) and bool((found >= 3).all())
+            expected = f"as many draws of all, 3 or more of each of {count} quantities"
             require(fits, f"uncertainty budget: draws of {name}", found.tolist(), expected)
 
     @cached_property
@@ -137,8 +136,13 @@ class UncertaintyBudget:
 
     @cached_property
     def joint_uncertainty(self) -> Float:
-        """Standard deviation (Q,) of the errors with all sources together."""
-        return np.nanstd(self.joint, axis=0, ddof=1)
+        """Standard uncertainty (Q,) with all sources together: the standard deviation of the
+        `joint` errors, less what draws of different sources have in common by chance (their sum is
+        a control variate: its variance is known to be that of the `combined` uncertainty)."""
+        added = np.sum([one.errors - self.nominal for one in self.sources], axis=0)
+        known = np.where(np.isfinite(added + self.joint), 1.0, np.nan)
+        by_chance = np.nanvar(known * added, axis=0, ddof=1) - self.combined**2
+        return np.sqrt(np.maximum(np.nanvar(known * self.joint, axis=0, ddof=1) - by_chance, 0.0))
 
     @cached_property
     def bias(self) -> Float:
@@ -159,54 +163,51 @@ class UncertaintyBudget:
     def advice(self, quantity: int) -> str:
         """What to mend first for a ``quantity``, by its number, in words."""
         name, unit = self.quantities[quantity]
-        combined, bias = float(self.combined[quantity]), float(self.bias[quantity])
+        combined, bias, joint = (
+            float(one[quantity]) for one in (self.combined, self.bias, self.joint_uncertainty)
+        )
         if not combined > 0.0:
             return f"{name}: none of the sources changes it."
         first = int(np.argmax(self.uncertainties[:, quantity]))
         share = float(self.shares[first, quantity])
-        left = combined * math.sqrt(max(1.0 - share, 0.0))
-        told = (
+        left = rounded(combined * math.sqrt(max(1.0 - share, 0.0)), combined)
+        told = [
             f"{name}: mend {self.sources[first].name} first, {100.0 * share:.0f} % of the variance;"
-            f" without it the standard uncertainty falls from {rounded(combined)} to"
-            f" {rounded(left, combined)} {unit}."
-        )
-        if abs(bias) > BIASED * combined:
-            told += (
-                f" The mean error, {rounded(bias, combined)} {unit}, is larger than that: correct"
-                " results by it, or mend what makes it (`gpusim explain`, `gpusim budget`)."
+            f" without it the standard uncertainty falls from {rounded(combined)} to {left} {unit}."
+        ]
+        if abs(bias) > combined:
+            told.append(
+                f"The mean error, {rounded(bias, combined)} {unit}, is larger than that: correct "
+                "results by it, or mend what makes it (`gpusim explain`, `gpusim budget`)."
             )
-        ratio = float(self.joint_uncertainty[quantity]) / combined
-        if not abs(ratio - 1.0) <= ADDITIVE:
-            told += (
-                f" Together the sources make {ratio:.2f} of what their squares add up to: they act"
-                " on each other, or there are few draws."
+        if not abs(joint / combined - 1.0) <= ADDITIVE:
+            told.append(
+                f"Together the sources make {joint / combined:.2f} of what their squares add up "
+                "to: they act on each other."
             )
-        return told
+        return " ".join(told)
 
     def content(self) -> dict[str, Any]:
-        """For budget.json: by quantity, and by source within it."""
-        told = []
-        for q, (name, unit) in enumerate(self.quantities):
-            own = {
-                "name": name, "unit": unit, "nominal_error": self.nominal[q],
-                **{key: getattr(self, key)[q] for key in (
-                    "combined", "freedom", "factor", "expanded", "joint_uncertainty", "bias")},
-                "interval": self.interval[:, q], "correlation": self.correlation[q],
-                "advice": self.advice(q),
-                "sources": [
-                    {
-                        "name": one.name, "uncertainty": one.uncertainty[q], "bias": bias[q],
-                        "share": share[q], "freedom": one.freedom[q],
-                        "parameters": [
-                            {"name": key, "sensitivity": one.sensitivity[p, q],
-                             "correlation": one.correlation[p, q]}
-                            for p, key in enumerate(one.parameters)
-                        ],
-                    }
-                    for one, bias, share in zip(self.sources, self.biases, self.shares, strict=True)
-                ],
+        """For report.json: by quantity, and by source within it."""
+
+        def of(source: int, q: int) -> dict[str, Any]:
+            one = self.sources[source]
+            slopes = zip(one.parameters, one.sensitivity[:, q], one.correlation[:, q], strict=True)
+            named = [
+                dict(zip(("name", "sensitivity", "correlation"), p, strict=True)) for p in slopes
+            ]
+            return {
+                "name": one.name, "uncertainty": one.uncertainty[q], "freedom": one.freedom[q],
+                "bias": self.biases[source, q], "share": self.shares[source, q],
+                "parameters": named,
             }  # fmt: skip
-            told.append(own)
+
+        told = [
+            {"name": name, "unit": unit, "nominal_error": self.nominal[q], "advice": self.advice(q),
+             **{key: getattr(self, key).T[q] for key in _TOLD},
+             "sources": [of(source, q) for source in range(len(self.sources))]}
+            for q, (name, unit) in enumerate(self.quantities)
+        ]  # fmt: skip
         return {"coverage": self.coverage, "quantities": told, "remarks": self.remarks}
 
 

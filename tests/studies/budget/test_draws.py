@@ -11,9 +11,9 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.scene import Scene
-from gpusim.studies.budget_tables import BudgetSourceTable, BudgetTable
 from gpusim.studies.budget.draws import draw, together
 from gpusim.studies.budget.sources import sources_of
+from gpusim.studies.budget_tables import BudgetSourceTable, BudgetTable
 from tests.support.shifted_plate import shifted_plate
 
 PAIR = {"cameras": ["left", "right"], "calibration": "true"}
