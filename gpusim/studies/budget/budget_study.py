@@ -18,7 +18,7 @@ from gpusim.optics.calibration.formats import calibration_text
 from gpusim.pipeline.scene_objects.cameras import build_camera
 from gpusim.studies.budget.draws import Overrides, draw, together
 from gpusim.studies.budget.identifiability import remarks
-from gpusim.studies.budget.sources import sources_of
+from gpusim.studies.budget.sources import JOINT, sources_of
 from gpusim.studies.budget.uncertainty import SourceDraws, UncertaintyBudget
 from gpusim.studies.budget_tables import BudgetTable
 from gpusim.studies.samples import Sample
@@ -27,7 +27,6 @@ from gpusim.studies.table import SampleTable
 from gpusim.validation import require
 
 RIG = "budget/rig.yml"  # the cameras as pairs measure with them
-JOINT = "all together"
 # units of what counts or judges, and what names have that tell how well something is measured
 _NO_QUANTITIES = "1", "px^2"
 _QUALITY = ("RMS", "bias", "deviation", "noise", "resolution", "error", "motion of a static")
@@ -90,7 +89,12 @@ def uncertainty_budget(study: Study, table: SampleTable) -> UncertaintyBudget:
     if failed:
         told.append(f"{failed} of {len(table)} draws couldn't be measured and don't count.")
     return UncertaintyBudget(
-        quantities, of("")[0], tuple(known), of(JOINT), tables.coverage, tuple(told)
+        quantities,
+        of("")[0],
+        tuple(known),
+        of(JOINT),
+        coverage=tables.coverage,
+        remarks=tuple(told),
     )
 
 

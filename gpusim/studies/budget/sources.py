@@ -21,6 +21,7 @@ CALIBRATED = {"focal": 0.02, "principal point": 0.3, "distortion": 1.0, "positio
               "orientation": 0.01}  # fmt: skip
 SET_UP = {"focal": 0.5, "principal point": 5.0, "distortion": 10.0, "position": 0.2,
           "orientation": 0.2}  # fmt: skip
+JOINT = "all together"
 DRIFT = 1.0  # percent of brightness
 SHAKE_UM, SHAKE_DEG = 2.0, 0.0002  # along and about each axis of a camera
 
@@ -37,6 +38,7 @@ def sources_of(scene: Scene, tables: BudgetTable) -> Sources:
         expected = ", ".join(common) + nearest_name(name, common)
         require(name in common, "budget.sources", repr(name), expected)
     own = {table.name for table in tables.source}
+    require(JOINT not in own, "budget.source", JOINT, "another name")
     wanted = set(common if tables.sources is None else tables.sources)
     found = {name: common[name] for name in common if name in wanted - own}
     for table in tables.source:

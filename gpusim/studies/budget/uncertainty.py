@@ -69,96 +69,71 @@ class SourceDraws:
         return _correlation(self.values, self.errors)
 
 
-@dataclass(frozen=True, eq=False)
 class UncertaintyBudget:
     """The uncertainty of Q measured ``quantities`` (name and unit of each).
 
-    ``nominal`` (Q,): the errors where nothing is drawn. ``joint`` (J, Q): errors with all sources
-    drawn together; draw n of it has the values that draw n of each source has. ``coverage``: the
-    probability of intervals. ``remarks``: what else is to be known, in sentences.
+    ``nominal`` (Q,): the errors where nothing is drawn. ``joint`` (N, Q): errors with all sources
+    drawn together; draw n of it has the values that draw n of each of the ``sources`` has.
+    ``coverage``: the probability of intervals. ``remarks``: what else is to be known, in sentences.
+
+    Attributes
+    ----------
+    uncertainties, biases, shares : (S, Q) float64
+        Standard uncertainty by each source alone, what it adds to the mean error (what isn't
+        linear), and its share of the variance; NaN where nothing varies.
+    combined, freedom, factor, expanded : (Q,) float64
+        Root of the sum of squares, effective degrees of freedom, coverage factor, and half the
+        interval that holds the truth around a result without its mean error.
+    joint_uncertainty, bias : (Q,) float64
+        Standard uncertainty with all sources together, less what draws of different sources have in
+        common by chance (their sum is a control variate, whose variance is known to be that of the
+        combined uncertainty); the mean error, by which a result is to be corrected.
+    interval : (2, Q) float64
+        What holds the joint errors by the coverage, as many below as above it.
+    correlation : (Q, Q) float64
+        Correlation coefficients of the joint errors.
+
+    Raises
+    ------
+    InputError
+        No sources; other numbers of draws, or fewer than 3 that were measured.
     """
 
-    quantities: tuple[tuple[str, str], ...]
-    nominal: Float
-    sources: tuple[SourceDraws, ...]
-    joint: Float
-    coverage: float = 0.95
-    remarks: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        count = len(self.quantities)
-        require(len(self.sources) > 0, "uncertainty budget", "no sources", "one or more")
-        for name, errors in [*((one.name, one.errors) for one in self.sources),
-                             ("all together", self.joint)]:  # fmt: skip
+    def __init__(
+        self, quantities: tuple[tuple[str, str], ...], nominal: Float,
+        sources: tuple[SourceDraws, ...], joint: Float, *, coverage: float = 0.95,
+        remarks: tuple[str, ...] = (),
+    ) -> None:  # fmt: skip
+        require(len(sources) > 0, "uncertainty budget", "no sources", "one or more")
+        shape = len(joint), len(quantities)
+        for name, errors in [*((one.name, one.errors) for one in sources), ("all", joint)]:
             found = np.count_nonzero(np.isfinite(errors), axis=0)
-            fits = errors.shape == (len(self.joint), count) and bool((found >= 3).all())
-            expected = f"as many draws of all, 3 or more of each of {count} quantities"
+            fits = errors.shape == shape and bool((found >= 3).all())
+            expected = f"as many draws of all, 3 or more of each of {shape[1]} quantities"
             require(fits, f"uncertainty budget: draws of {name}", found.tolist(), expected)
-
-    @cached_property
-    def uncertainties(self) -> Float:
-        """Standard uncertainties (S, Q) by each source."""
-        return np.array([one.uncertainty for one in self.sources])
-
-    @cached_property
-    def biases(self) -> Float:
-        """What each source adds to the mean error (S, Q): effects that aren't linear."""
-        return np.array([np.nanmean(one.errors, axis=0) for one in self.sources]) - self.nominal
-
-    @cached_property
-    def combined(self) -> Float:
-        """Combined standard uncertainty (Q,): the root of the sum of squares."""
-        return np.sqrt(np.sum(self.uncertainties**2, axis=0))
-
-    @cached_property
-    def shares(self) -> Float:
-        """Of the variance (S, Q); NaN where nothing varies."""
-        with np.errstate(invalid="ignore"):
-            return self.uncertainties**2 / self.combined**2
-
-    @cached_property
-    def freedom(self) -> Float:
-        """Effective degrees of freedom (Q,)."""
-        freedom = np.array([one.freedom for one in self.sources])
+        self.quantities, self.nominal, self.sources = quantities, nominal, sources
+        self.joint, self.coverage, self.remarks = joint, coverage, remarks
+        alone = np.array([one.errors for one in sources])
+        added = np.sum(alone - nominal, axis=0)
+        known = np.where(np.isfinite(added + joint), 1.0, np.nan)
+        self.uncertainties = np.array([one.uncertainty for one in sources])
+        self.biases = np.nanmean(alone, axis=1) - nominal
+        squares = self.uncertainties**2
+        self.combined = np.sqrt(squares.sum(axis=0))
         with np.errstate(divide="ignore", invalid="ignore"):
-            return self.combined**4 / np.sum(self.uncertainties**4 / freedom, axis=0)
-
-    @cached_property
-    def expanded(self) -> Float:
-        """Expanded uncertainty (Q,), for an interval of the ``coverage``."""
-        return self.factor * self.combined
-
-    @cached_property
-    def factor(self) -> Float:
-        """Coverage factors (Q,)."""
+            self.shares = squares / self.combined**2
+            terms = squares**2 / np.array([one.freedom for one in sources])
+            self.freedom = self.combined**4 / terms.sum(axis=0)
         freedom = np.nan_to_num(self.freedom, nan=np.inf)
-        return np.asarray(student.ppf(0.5 + 0.5 * self.coverage, freedom))
-
-    @cached_property
-    def joint_uncertainty(self) -> Float:
-        """Standard uncertainty (Q,) with all sources together: the standard deviation of the
-        `joint` errors, less what draws of different sources have in common by chance (their sum is
-        a control variate: its variance is known to be that of the `combined` uncertainty)."""
-        added = np.sum([one.errors - self.nominal for one in self.sources], axis=0)
-        known = np.where(np.isfinite(added + self.joint), 1.0, np.nan)
+        self.factor = np.asarray(student.ppf(0.5 + 0.5 * coverage, freedom))
+        self.expanded = self.factor * self.combined
         by_chance = np.nanvar(known * added, axis=0, ddof=1) - self.combined**2
-        return np.sqrt(np.maximum(np.nanvar(known * self.joint, axis=0, ddof=1) - by_chance, 0.0))
-
-    @cached_property
-    def bias(self) -> Float:
-        """Mean error (Q,) with all sources together: what a result is to be corrected by."""
-        return np.nanmean(self.joint, axis=0)
-
-    @cached_property
-    def interval(self) -> Float:
-        """The interval (2, Q) that holds errors by the ``coverage``, as many below as above it."""
-        ends = 0.5 - 0.5 * self.coverage, 0.5 + 0.5 * self.coverage
-        return np.nanquantile(self.joint, ends, axis=0)
-
-    @cached_property
-    def correlation(self) -> Float:
-        """Correlation coefficients (Q, Q) of the quantities' errors, by all sources together."""
-        return _correlation(self.joint, self.joint)
+        variance = np.nanvar(known * joint, axis=0, ddof=1) - by_chance
+        self.joint_uncertainty = np.sqrt(np.maximum(variance, 0.0))
+        self.bias = np.nanmean(joint, axis=0)
+        ends = 0.5 - 0.5 * coverage, 0.5 + 0.5 * coverage
+        self.interval = np.nanquantile(joint, ends, axis=0)
+        self.correlation = _correlation(joint, joint)
 
     def advice(self, quantity: int) -> str:
         """What to mend first for a ``quantity``, by its number, in words."""
@@ -190,22 +165,24 @@ class UncertaintyBudget:
     def content(self) -> dict[str, Any]:
         """For report.json: by quantity, and by source within it."""
 
-        def of(source: int, q: int) -> dict[str, Any]:
-            one = self.sources[source]
-            slopes = zip(one.parameters, one.sensitivity[:, q], one.correlation[:, q], strict=True)
-            named = [
-                dict(zip(("name", "sensitivity", "correlation"), p, strict=True)) for p in slopes
-            ]
+        def of(k: int, q: int) -> dict[str, Any]:
+            one = self.sources[k]
+            parameters = zip(
+                one.parameters, one.sensitivity[:, q], one.correlation[:, q], strict=True
+            )
             return {
                 "name": one.name, "uncertainty": one.uncertainty[q], "freedom": one.freedom[q],
-                "bias": self.biases[source, q], "share": self.shares[source, q],
-                "parameters": named,
+                "bias": self.biases[k, q], "share": self.shares[k, q],
+                "parameters": [
+                    {"name": key, "sensitivity": slope, "correlation": correlation}
+                    for key, slope, correlation in parameters
+                ],
             }  # fmt: skip
 
         told = [
             {"name": name, "unit": unit, "nominal_error": self.nominal[q], "advice": self.advice(q),
              **{key: getattr(self, key).T[q] for key in _TOLD},
-             "sources": [of(source, q) for source in range(len(self.sources))]}
+             "sources": [of(k, q) for k in range(len(self.sources))]}
             for q, (name, unit) in enumerate(self.quantities)
         ]  # fmt: skip
         return {"coverage": self.coverage, "quantities": told, "remarks": self.remarks}

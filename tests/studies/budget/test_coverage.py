@@ -114,7 +114,7 @@ def test_a_budget_as_a_study(tmp_path: Path) -> None:
     table = study(made, tmp_path / "out")
     assert len(table) == 1 + 4 * 8 and set(table["status"]) == {"done"}
     told = json.loads((tmp_path / "out" / "report.json").read_text())
-    across = next(one for one in told["quantities"] if one["name"].endswith("U"))
+    across = next(one for one in told["quantities"] if one["name"].endswith(", u"))
     shake = next(one for one in across["sources"] if one["name"] == "shake")
     # a camera that goes right by 20 um sees the plate, in its own plane, go left by 20 um
     assert shake["uncertainty"] == pytest.approx(0.020, rel=0.2)
@@ -134,5 +134,5 @@ def test_a_scene_without_measures(tmp_path: Path) -> None:
     tables = BudgetTable.model_validate({"draws": 5, "sources": ["light"]})
     scene = plate().replace("measure", [])
     made = Study(StudyTable(scene="-", budget=tables), scene, tmp_path, backend="numpy")
-    with pytest.raises(InputError, match=r"budget: scene 'plate' .*expected a \[\[measure\]\]"):
+    with pytest.raises(InputError, match=r"scene 'plate'; got 0 measures; expected a \[\[measure"):
         study(made, tmp_path / "out")

@@ -52,7 +52,8 @@ def test_distributions() -> None:
     np.testing.assert_allclose(place.values.mean(axis=0), [-20.0, 0.0, 200.0], atol=0.01)
     np.testing.assert_allclose(place.values.std(axis=0), 3.0 / np.sqrt(3.0), rtol=0.01)
     np.testing.assert_array_equal(warmth.values[:, 0], warmth.values[:, 1])
-    assert np.unique(subset.values, return_counts=True)[1].tolist() == [342, 341, 341]
+    counts = np.unique(subset.values, return_counts=True)[1]
+    assert sorted(counts.tolist()) == [341, 341, 342]
     assert [one["prop.plate.paint.speckle.seed"] for one in speckle.overrides[:2]] == [1, 2]
     assert np.isnan(speckle.values).all()
     every = together([focus, place])
