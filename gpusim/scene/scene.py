@@ -312,9 +312,8 @@ class Scene:
     def digest(self, *sections: str) -> str:
         """SHA-256 over the resolved content of ``sections`` (dotted paths; none: the whole scene).
 
-        ``"body.*.mesh"`` covers every body's mesh, ``"camera.front"`` one camera. Comments, order
-        of keys and the way a number is written don't matter; what a section doesn't hold doesn't
-        matter either.
+        ``"body.*.mesh"`` covers every body's mesh, ``"camera.front"`` one camera. Comments, the
+        order of keys, how a number is written, and what a section doesn't hold don't matter.
         """
         document = self.document
         parts = {path: pick(document, path) for path in sections} if sections else document
