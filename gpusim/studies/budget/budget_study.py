@@ -60,7 +60,6 @@ def with_rig(study: Study, out: Path) -> Study:
         return study
     path = inside(out, RIG)
     cameras = [build_camera(one, scene.input) for one in scene.cameras]
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path, calibration_text(cameras, "opencv", "mm", str(path)))
     for spec in pairs:
         if spec.calibration in (None, "true"):
