@@ -93,13 +93,15 @@ def test_intervals_of_a_pair_hold_the_truth() -> None:
         assert (np.abs(held.mean(axis=0) - 0.95) <= 0.015).all()
 
 
-def plate(**changes: object) -> Scene:
-    one = {"type": "point", "camera": "left", "mm_per_px": 2.0 / 3.0,
-           "points_mm": [[0.0, 0.0, 0.0]]}  # fmt: skip
-    scene = shifted_plate((0.3, 0.0, 0.0), {"camera": "left", "mm_per_px": 1.0}, **changes)
+def plate() -> Scene:
+    """A spot of the plate, square before one camera: 2 / 3 mm per pixel."""
+    scene = shifted_plate(
+        (0.3, 0.0, 0.0), {"camera": "left", "mm_per_px": 1.0},
+        **{"camera.left.resolution_px": [96, 72], "camera.left.focal_mm": 27.5},
+    )  # fmt: skip
     document = scene.document
-    document["measure"] = [{"name": "spot", **one}]
-    document["sensor"]["bits"] = 8
+    document["measure"] = [{"name": "spot", "type": "point", "camera": "left", "subset_px": 31,
+                            "mm_per_px": 2.0 / 3.0, "points_mm": [[-20.0, 0.0, 0.0]]}]  # fmt: skip
     return Scene.from_document(document)
 
 
@@ -107,19 +109,16 @@ def test_a_budget_as_a_study(tmp_path: Path) -> None:
     """Made once, told on a page; a second call makes nothing."""
     own = {"name": "shake", "keys": ["camera.left.moved_um"], "normal": 20.0,
            "set": {"camera.left.moved_um": [0.0, 0.0, 0.0]}}  # fmt: skip
-    tables = BudgetTable.model_validate(
-        {"draws": 8, "sources": ["quantisation", "light"], "source": [own]}
-    )
+    tables = BudgetTable.model_validate({"draws": 5, "sources": ["light"], "source": [own]})
     made = Study(StudyTable(scene="-", budget=tables), plate(), tmp_path, backend="numpy")
     table = study(made, tmp_path / "out")
-    assert len(table) == 1 + 4 * 8 and set(table["status"]) == {"done"}
+    assert len(table) == 1 + 3 * 5 and set(table["status"]) == {"done"}
     told = json.loads((tmp_path / "out" / "report.json").read_text())
     across = next(one for one in told["quantities"] if one["name"].endswith(", u"))
     shake = next(one for one in across["sources"] if one["name"] == "shake")
     # a camera that goes right by 20 um sees the plate, in its own plane, go left by 20 um
-    assert shake["uncertainty"] == pytest.approx(0.020, rel=0.2)
-    slope = shake["parameters"][0]
-    assert slope["sensitivity"] == pytest.approx(-1e-3, rel=0.05) and slope["correlation"] < -0.9
+    assert shake["uncertainty"] == pytest.approx(0.020, rel=0.5)
+    assert shake["parameters"][0]["sensitivity"] == pytest.approx(-1e-3, rel=0.1)
     assert shake["share"] > 0.9 and "mend shake first" in across["advice"]
     assert across["joint_uncertainty"] == pytest.approx(across["combined"], rel=0.05)
     assert any("isn't identifiable" in one for one in told["remarks"])
