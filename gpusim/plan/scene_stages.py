@@ -103,7 +103,8 @@ def _pictures(build: StageBuilder, camera: str, motions: Needs) -> Iterator[Stag
         between = (near[-1] - near[0]) / (rate or 1.0)
         when = spec.late(number), instant.time if flickers else None
         row = [shown, near.index(number), between, board, *when]
-        rows.append(row if build.options.skip else [*row, number])  # else equal frames are one
+        alike = build.options.skip and not spec.unsteady  # equal frames are one
+        rows.append(row if alike else [*row, number])
         moved.append(not all(one.unloaded for one in shown))
     needs = {name: lambda k: (0,) if moved[k] else () for name in motions}
     sections = [f"camera.{camera}", "light", "render", "prop.still", "body.*.name"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,8 @@ from gpusim.scene.faults.key_paths import pick
 from gpusim.studies.design import points
 from gpusim.studies.expressions import Values, evaluated
 from gpusim.studies.study_tables import Study
+
+_BUDGET = "gpusim.studies.budget.budget_study"  # it makes samples itself
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,9 @@ def samples_of(study: Study) -> Sequence[Sample]:
     >>> [one.overrides for one in samples_of(load_study("study.toml"))][1]
     {'camera.side.focal_mm': 24.0, 'sensor.seed': 1}
     """
+    if study.tables.budget is not None:
+        samples: Sequence[Sample] = import_module(_BUDGET).budget_samples(study)
+        return samples
     tables, columns = study.tables, points(study)
     count = len(next(iter(columns.values()), [()]))
     arrays = {name: _array(values) for name, values in columns.items()}

@@ -20,6 +20,7 @@ from gpusim.pipeline.runner.stage_log import Progress, silent
 from gpusim.plan.scene_stages import scene_stages
 from gpusim.plan.stages import RunOptions
 from gpusim.studies.batch import Worker, bare
+from gpusim.studies.budget import uncertainty_budget, with_rig, write_budget
 from gpusim.studies.executors import Client, Here, LocalPool, Pool, local_workers
 from gpusim.studies.plan import StudyPlan, check_samples, study_plan
 from gpusim.studies.report import Pictures, write_study_report
@@ -76,12 +77,16 @@ def study(
     samples = checked_samples(loaded)
     with claim(out) as folder:
         check_below(folder, INNER, "dataset")
+        loaded = with_rig(loaded, folder)
         work_off(loaded, samples, folder, workers, scheduler, progress or silent)
         rows = read_rows(folder, samples)
         table = SampleTable.from_rows(loaded, samples, rows)
         table.write(folder)
         (progress or silent)("report", 0.0, "figures and page")
-        write_study_report(loaded, table, folder, _pictures(loaded, samples, folder))
+        if loaded.tables.budget is not None:
+            write_budget(loaded.scene.name, uncertainty_budget(loaded, table), folder)
+        else:
+            write_study_report(loaded, table, folder, _pictures(loaded, samples, folder))
         (progress or silent)("report", 1.0, "report.html, report.json")
         if loaded.tables.dataset is not None:
             from gpusim.studies.dataset import write_dataset  # OpenCV and HDF5

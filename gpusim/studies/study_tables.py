@@ -19,6 +19,7 @@ from gpusim.scene.faults.faults import faults_of, unread
 from gpusim.scene.faults.key_paths import key_lines
 from gpusim.scene.tables.table import Count, Listed, Pair, Seed, Table, fault
 from gpusim.scene.toml_text import parse_toml, toml_text
+from gpusim.studies.budget_tables import BudgetTable
 from gpusim.studies.dataset_table import DatasetTable
 from gpusim.studies.expressions import FUNCTIONS
 
@@ -157,7 +158,8 @@ class StudyTable(Table):
     """What follows from it."""
     constraint: Annotated[tuple[ConstraintTable, ...], Listed()] = ()
     """What samples have to fulfil."""
-
+    budget: BudgetTable | None = None
+    """Of the scene's measurements the uncertainty, in place of parameters."""
     dataset: DatasetTable | None = None
     """A data set that is made of the samples' pictures and truth."""
 
@@ -168,6 +170,10 @@ class StudyTable(Table):
 
     @model_validator(mode="after")
     def _together(self) -> Self:
+        varied = self.parameter or self.derived or self.constraint or self.rows
+        if self.budget is not None and (varied or self.repeats > 1):
+            expected = "a study without parameters, rows and repeats"
+            raise fault("budget", "draws by itself", "both", expected)
         if bool(self.drawn) != (self.samples is not None):
             expected = (
                 "a number of points" if self.drawn else "none where nothing has a distribution"
@@ -201,8 +207,11 @@ class Study:
     truth: bool = False
 
 
-def load_study(path: str | PathLike[str], backend: str | None = None) -> Study:
+def load_study(
+    path: str | PathLike[str], backend: str | None = None, *, budget: bool = False
+) -> Study:
     """Read and check a study file, and the scene that it names; ``backend``: in place of its own.
+    ``budget``: the file is a scene, whose uncertainty budget the study is.
 
     Raises SceneError with every fault of the tables, or of the scene; InputError for a scene that
     has variants.
@@ -221,7 +230,8 @@ def load_study(path: str | PathLike[str], backend: str | None = None) -> Study:
     """
     place = Path(path)
     try:
-        text = read_input(place, "a study file").text("TOML in UTF-8")
+        text = toml_text({"scene": place.name, "budget": {}}) if budget else (
+            read_input(place, "a study file").text("TOML in UTF-8"))  # fmt: skip
     except InputError as error:
         raise SceneError(str(place), [unread(error, "file", place)]) from None
     document = parse_toml(text)

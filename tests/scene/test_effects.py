@@ -36,6 +36,7 @@ CHANGES: dict[str, Any] = {
     "sensor.bayer_response": [0.6, 1.0, 0.8],
     "sensor.demosaic": "malvar",
     "sensor.gamma": "srgb",
+    "sensor.drift_percent": 1.0,
     "camera.0.channels": "rgb",
     "camera.0.white_balance_K": 2856.0,
     "light.0.temperature_K": 2856.0,

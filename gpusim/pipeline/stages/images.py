@@ -35,6 +35,7 @@ from gpusim.pipeline.scene_objects.cameras import (
     build_sensor,
     build_shutter,
     opening,
+    unsteady,
 )
 from gpusim.pipeline.scene_objects.lights import build_lights
 from gpusim.pipeline.scene_objects.moving_bodies import scene_objects
@@ -62,12 +63,14 @@ def radiance(scene: Scene, inputs: Inputs, session: Session) -> Radiance:
     frames, now, between, board, late, at = inputs.row[:6]
     objects = scene_objects(scene, inputs, frames, board)
     viewer, shutter = build_camera(camera, scene.input), build_shutter(camera)
+    later = camera.unsteady and inputs.row[6] > 0
+    viewer = unsteady(camera, viewer) if later else viewer
     opens = shutter is not None or late
     in_time = objects.around(range(len(frames)), now, between) if opens else None
     surfaces = in_time or objects.surfaces(now)
     name = f"radiance/{camera.name}"
     # other variants have cameras of this name, too
-    seen_by = camera, scene.lights, scene.render, at
+    seen_by = camera, later, scene.lights, scene.render, at
     last: tuple[Any, Sequence[Surface], Frame] | None = session.kept.pop(name, None)
     alike = last is not None and last[0] == seen_by and session.options.skip
     if last is not None and alike and not callable(surfaces):
@@ -149,7 +152,7 @@ def picture(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     (camera,), (kind, number, finds_corners) = scene.cameras, inputs.row
     drawn: Radiance = inputs[f"{'target' if kind else 'radiance'}/{camera.name}"]
     spec = scene.sensor_of(camera.name)
-    sensor = build_sensor(spec, camera, _full_scale(scene, inputs, kind))
+    sensor = build_sensor(spec, camera, _full_scale(scene, inputs, kind, number))
     common = scene.sensor
     series = common.series * SERIES + number
     image = sensor.expose(drawn.frame, common.seed, series, f"{kind}{camera.name}")
@@ -172,14 +175,15 @@ def picture(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     return StageResult(files, asdict(notes), Path(name).name)
 
 
-def _full_scale(scene: Scene, inputs: Inputs, kind: str) -> float:
-    """The scene's exposure, or the one that was chosen."""
+def _full_scale(scene: Scene, inputs: Inputs, kind: str, number: int) -> float:
+    """The scene's exposure, or the one that was chosen, with what has become of the light."""
     (camera,) = scene.cameras
-    given = scene.sensor_of(camera.name).exposure
+    spec = scene.sensor_of(camera.name)
+    given, drift = spec.exposure, 0.0 if kind or number == 0 else spec.drift or 0.0
     if given is None:
         name = f"images/{camera.name}/{kind}exposure.json"
         given = chosen_exposure(inputs.read(f"{kind}exposure/{camera.name}", name))
-    return 1.0 / given
+    return 1.0 / (given * (1.0 + drift))
 
 
 def _save(image: npt.NDArray[Any], density: float | None, kept: bool, path: Path) -> None:

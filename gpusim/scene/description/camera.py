@@ -86,6 +86,11 @@ class CameraTable(Table):
     """The same as three rows; camera axes are x right, y down, z forward."""
     translation_mm: Vector | None = None
     """T of X_camera = R X + T."""
+    moved_um: Vector | None = None
+    """Where it stands in all frames after the first, against the first: right, down and forward in
+    its picture; measures and truth don't know."""
+    turned_deg: Vector | None = None
+    """How it is turned in them, a rotation vector along the same axes."""
     principal_point_offset_mm: Pair = (0.0, 0.0)
     """Where the optical axis meets the sensor: right and down from the image's centre."""
     square_pixels: bool = True
@@ -136,6 +141,11 @@ class CameraTable(Table):
     def late(self, frame: int) -> float:
         """s by which a ``frame`` is exposed after its time."""
         return 0.0 if self.trigger is None else self.trigger.late(self.name, frame)
+
+    @property
+    def unsteady(self) -> bool:
+        """Whether it doesn't stand in later frames as in the first."""
+        return any(self.moved_um or ()) or any(self.turned_deg or ())
 
     @property
     def electronics(self) -> SensorTable | None:
