@@ -265,10 +265,12 @@ def _pairs(files: list[Path]) -> tuple[list[Path], list[Path]]:
     return files[::2], files[1::2]
 
 
-def numbers_of(option: str, text: str, expected: str, count: int = 2) -> Any:
+def numbers_of(
+    option: str, text: str, expected: str, count: int = 2, kind: type[float] = float
+) -> Any:
     """So many numbers with commas between."""
     try:
-        values = tuple(float(part) for part in text.split(","))
+        values = tuple(kind(part) for part in text.split(","))
     except ValueError:
         values = ()
     if len(values) != count:
@@ -276,14 +278,9 @@ def numbers_of(option: str, text: str, expected: str, count: int = 2) -> Any:
     return values
 
 
-def roi_of(text: str | None) -> tuple[int, int, int, int] | None:
-    if text is None:
-        return None
-    try:
-        x0, y0, x1, y1 = (int(part) for part in text.split(","))
-    except ValueError:
-        raise InputError(f"--roi: got {text!r}; expected X0,Y0,X1,Y1 in whole pixels") from None
-    return x0, y0, x1, y1
+def roi_of(text: str | None) -> Any:
+    expected = "X0,Y0,X1,Y1 in whole pixels"
+    return None if text is None else numbers_of("--roi", text, expected, 4, int)
 
 
 def _board(
