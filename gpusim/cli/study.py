@@ -81,9 +81,13 @@ def study(
         if output is not None:
             check_folder(output)
         with importing():
-            from gpusim.studies import load_study, samples_of, study_plan
-            from gpusim.studies.study import COPY, checked_samples
-            from gpusim.studies.study import study as work_off
+            from gpusim.studies import load_study, samples_of
+            from gpusim.studies.study_tables import COPY
+
+            if not status:
+                from gpusim.studies.plan import study_plan
+                from gpusim.studies.study import checked_samples
+                from gpusim.studies.study import study as work_off
 
             folder = output or (study if study.is_dir() else None)
             file = inside(study, COPY) if study.is_dir() else study

@@ -15,13 +15,20 @@ In the order in which data passes:
 - `study`: A study worked off into a folder.
 """
 
+import typing as _typing
+
 from gpusim.public_names import public_names as _public_names
-from gpusim.studies.plan import StudyPlan as StudyPlan
-from gpusim.studies.plan import study_plan as study_plan
 from gpusim.studies.samples import Sample as Sample
 from gpusim.studies.samples import samples_of as samples_of
 from gpusim.studies.study_tables import Study as Study
 from gpusim.studies.study_tables import load_study as load_study
 from gpusim.studies.table import SampleTable as SampleTable
 
-__all__, __getattr__, __dir__ = _public_names(__name__)
+if _typing.TYPE_CHECKING:
+    from gpusim.studies.plan import StudyPlan as StudyPlan
+    from gpusim.studies.plan import study_plan as study_plan
+
+# all stages, which a look at a study's folder does without
+__all__, __getattr__, __dir__ = _public_names(
+    __name__, {"gpusim.studies.plan": "StudyPlan study_plan"}
+)

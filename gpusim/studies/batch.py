@@ -3,6 +3,7 @@ each sample as soon as all of its results are there."""
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -27,6 +28,7 @@ from gpusim.studies.rows import RowLog
 from gpusim.studies.samples import Sample
 from gpusim.studies.study_tables import Study
 
+_LOOK_S = 0.1
 TRIES = 3
 """How often something is tried that may go wrong by chance."""
 STOP = f"{INNER}/stop"
@@ -43,10 +45,11 @@ def targets(study: Study, scene: Scene) -> set[str]:
     return names | {f"measure/{one.name}" for one in scene.measures} | {*["truth"] * study.truth}
 
 
-def _bare(study: Study) -> Scene:
-    """The base scene without output that samples don't make: none of their stages is looked at."""
+def bare(study: Study) -> Study:
+    """The study of a scene without output that samples don't make: nobody looks at its stages."""
     truth = study.scene.document["output"].get("truth", []) if study.truth else []
-    return study.scene.replace("output", {"fields": False, "truth": truth})
+    scene = study.scene.replace("output", {"fields": False, "truth": truth})
+    return replace(study, scene=scene)
 
 
 class Worker:
@@ -111,11 +114,11 @@ class _Batch:
         self.made: dict[str, str] = {}
         self.tries: Counter[str] = Counter()
         self.begun: set[str] = set()
+        self.looks = 0.0  # when it is time to look whether to stop
         self.statuses: dict[int, str] = {}
-        bare = replace(study, scene=_bare(study))
         for sample in samples:
             try:
-                scene = sample.scene(bare)
+                scene = sample.scene(study)
             except GpusimError as error:
                 self._add(sample, "refused", str(error))
                 continue
@@ -151,8 +154,10 @@ class _Batch:
     def _observe(self, task: Task, done: float, words: str) -> None:
         """Hear of a task; any thread."""
         del words
-        if self.worker.stop.exists():
-            raise Stopped
+        if (now := time.monotonic()) > self.looks:
+            self.looks = now + _LOOK_S
+            if self.worker.stop.exists():
+                raise Stopped
         for place in {place for place, _ in task.places} - self.begun:
             self.begun.add(place)
             if place in self.left:

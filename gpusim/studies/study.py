@@ -15,17 +15,14 @@ from gpusim.files.atomic_files import write_text
 from gpusim.files.output_folder import check_below, claim, inside
 from gpusim.graph.folder import INNER
 from gpusim.pipeline.runner.stage_log import Progress, silent
-from gpusim.studies.batch import Worker
+from gpusim.studies.batch import Worker, bare
 from gpusim.studies.budget import uncertainty_budget, with_rig, write_budget
 from gpusim.studies.executors import Client, Here, LocalPool, Pool, local_workers
 from gpusim.studies.plan import StudyPlan, check_samples, study_plan
 from gpusim.studies.rows import FINAL, RowLog, read_rows
 from gpusim.studies.samples import Sample, samples_of
-from gpusim.studies.study_tables import Study, load_study, study_text
+from gpusim.studies.study_tables import COPY, Study, load_study, study_text
 from gpusim.studies.table import SampleTable
-
-COPY = "study.toml"
-"""The study in its folder."""
 
 
 def study(
@@ -112,7 +109,7 @@ def work_off(
     bar(Counter())
     if pool is None:
         return
-    client = Client(study, left, plan.structures.tolist(), out, pool, bar)
+    client = Client(bare(study), left, plan.structures.tolist(), out, pool, bar)
     if isinstance(pool, Here):
         pool.worker.log.told = client.look
     client.work_off()

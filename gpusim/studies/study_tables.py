@@ -22,6 +22,8 @@ from gpusim.scene.toml_text import parse_toml, toml_text
 from gpusim.studies.budget_tables import BudgetTable
 from gpusim.studies.expressions import FUNCTIONS
 
+COPY = "study.toml"
+"""The study in its folder."""
 DISTRIBUTIONS = "uniform", "log_uniform", "normal", "log_normal"
 _POSITIVE = "log_uniform", "log_normal"
 
