@@ -72,7 +72,8 @@ def _drawn(
     are drawn by."""
     is_list = isinstance(nominal, list | tuple)
     items = list(nominal) if is_list else [nominal]
-    kinds, expected = (int, float), "a key of the scene with a number or a list of numbers"
+    kinds: tuple[type, ...] = (int, float)
+    expected = "a key of the scene with a number or a list of numbers"
     if own.seeds:
         kinds, expected = (int,), "a key of the scene with a seed"
     where = f"budget source {own.name!r}: {key}"
