@@ -27,7 +27,8 @@ def templates() -> dict[str, Path]:
     places = (folder.joinpath("examples") for folder in (package, package.parent))
     folder = next(one for one in places if one.is_dir())
     found = {"plate_with_hole": Path(__file__).with_name("templates") / PLATE}
-    return found | {path.stem: path for path in sorted(folder.glob("*.toml"))}
+    scenes = (path for path in folder.glob("*.toml") if not path.name.startswith("study_"))
+    return found | {path.stem: path for path in sorted(scenes)}
 
 
 def template_names(incomplete: str) -> list[str]:

@@ -21,6 +21,7 @@ from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene, load_scene, parse_value
 from gpusim.scene.toml_text import toml_text
 from tests.hostile.amount import SEED, SHARE, share
+from tests.support.example_scenes import example_scenes
 
 pytestmark = pytest.mark.hostile
 
@@ -110,7 +111,7 @@ def check(scene: Path, what: str) -> str:
 
 def examples(checkout: Path) -> list[Path]:
     """Scenes of all examples but those that Gmsh meshes: how long it takes is tried elsewhere."""
-    paths = sorted((checkout / "examples").glob("*.toml"))
+    paths = example_scenes(checkout)
     return [path for path in paths if ".step" not in path.read_text(encoding="utf-8")]
 
 

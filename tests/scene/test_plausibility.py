@@ -14,6 +14,7 @@ from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene, load_scene
 from gpusim.scene.description import model as m
 from gpusim.scene.plausibility import warnings
+from tests.support.example_scenes import example_scenes
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +28,7 @@ def cantilever(checkout: Path) -> Scene:
 
 
 def test_no_example_is_implausible(checkout: Path) -> None:
-    for path in sorted((checkout / "examples").glob("*.toml")):
+    for path in example_scenes(checkout):
         assert make_plan(load_scene(path)).warnings == (), path
 
 

@@ -19,6 +19,7 @@ from gpusim.scene.cost import element_counts
 from gpusim.scene.description import model
 from gpusim.scene.description.mesh import SETS
 from gpusim.scene.faults.key_paths import key_lines
+from tests.support.example_scenes import example_scenes
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +57,7 @@ def test_the_crane_in_si(crane: Scene) -> None:
 
 
 def test_every_example_is_valid(checkout: Path) -> None:
-    paths = sorted((checkout / "examples").glob("*.toml"))
+    paths = example_scenes(checkout)
     assert {"crane.toml", "cantilever.toml"} <= {path.name for path in paths}
     for path in paths:
         scene = load_scene(path)

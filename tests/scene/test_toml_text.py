@@ -12,10 +12,11 @@ import pytest
 
 from gpusim.scene import Scene, load_scene
 from gpusim.scene.toml_text import toml_text
+from tests.support.example_scenes import example_scenes
 
 
 def test_every_example_reads_back(checkout: Path) -> None:
-    for path in sorted((checkout / "examples").glob("*.toml")):
+    for path in example_scenes(checkout):
         scene = load_scene(path)
         assert tomllib.loads(scene.to_toml()) == scene.document
         assert Scene.from_document(tomllib.loads(scene.to_toml())) == scene
