@@ -370,7 +370,7 @@ PICTURES: dict[str, Callable[[], Picture]] = {
 }
 
 
-FILMS = {"vibration": lambda: vibrating("shaker_plate", 12.0, (320, 240), 1.0)}
+FILMS = {"vibration": lambda: vibrating("shaker_plate", 12.0, (256, 192), 1.0)}
 
 
 def main(names: list[str]) -> None:
@@ -381,6 +381,7 @@ def main(names: list[str]) -> None:
     for name in names or PICTURES:
         if name in FILMS:
             path = gs.write_video(OUT / f"{name}.gif", FILMS[name](), frame_rate=20.0)
+            path.with_suffix(".times.csv").unlink()
             assert path.stat().st_size < LARGEST_FILM, f"{path}: {path.stat().st_size} bytes"
             print(f"wrote {path.relative_to(ROOT)}")
         path = OUT / f"{name}.jpg"

@@ -9,7 +9,6 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from gpusim.motion import ALL
 from gpusim.scene.tables.table import Count, Length, Listed, PositivePair, Words, fault
 
 from .analysis_table import (
@@ -33,7 +32,7 @@ Frequencies = Annotated[
 ]
 
 _SHOWN = ("modes", "phases", "duration_s", "frame_rate_Hz", "amplitude_mm")
-_PHASES = 8
+_ALL, _PHASES = -1.0, 8  # `gpusim.motion.ALL`; without `phases`
 """Keys of what frames show of motions that are known."""
 
 
@@ -77,7 +76,7 @@ class OscillationTable(AnalysisTable):
         the motion, the share of its period and, of frames in time, the time (s) that have passed.
         """
         if self.word == "time":
-            return tuple((ALL, self.begin, time) for time in self.frame_values)
+            return tuple((_ALL, self.begin, time) for time in self.frame_values)
         count = self.phase_count
         return tuple((float(number), k / count) for number in self.shown for k in range(count))
 
