@@ -27,6 +27,7 @@ from gpusim.measure.images import Image, check_image
 from gpusim.measure.vibration.identification import Excitation, Identification, identifiable_band
 from gpusim.measure.vibration.operational_modes import amplitudes
 from gpusim.measure.vibration.point_series import DisplacementMethod
+from gpusim.measure.vibration.sampling import picture_alike
 from gpusim.report import Overlay
 from gpusim.report.figures import draw_overlay
 from gpusim.validation import Count, Positive, checked
@@ -175,12 +176,13 @@ def _points(source: FrameSource, first: Image, settings: IdentificationSettings)
     x0, y0, x1, y1 = settings.roi or (0, 0, width - 1, height - 1)
     step = max((max(x1 - x0, y1 - y0) + 1 - settings.subset) // max(settings.grid - 1, 1), 1)
     places = grid_points(first.shape, subset=settings.subset, step=step, roi=settings.roi)
-    others = [source[int(k)] for k in np.linspace(1, len(source) - 1, OTHERS)]
+    numbers = np.linspace(1, len(source) - 1, OTHERS).astype(int).tolist()
+    others = (picture_alike(source, number, first) for number in numbers)
     shown = _expected_sigma(first, others, places, settings.subset) <= MOST_SIGMA
     return places[shown] if shown.any() else places
 
 
-def _expected_sigma(first: Image, others: list[Image], points: Float, subset: int) -> Float:
+def _expected_sigma(first: Image, others: Iterator[Image], points: Float, subset: int) -> Float:
     """(P,) px, standard uncertainty of a shift in the direction which a subset shows worst: noise
     over slopes that are more than noise. Noise is the least of what changes from the first picture
     to ``others``, and of what is rough in the first (Immerkær 1996): motion changes pictures, fine
@@ -191,11 +193,12 @@ def _expected_sigma(first: Image, others: list[Image], points: Float, subset: in
     def mean(values: Float) -> Float:
         return np.asarray(cv2.blur(values, (subset, subset))[row, column])
 
-    changes: list[Float] = [grey - other for other in others if other.shape == grey.shape]
+    def spread(values: Float) -> Float:
+        return mean(values * values) - mean(values) ** 2
+
     mixed = np.outer([1, -2, 1], [1, -2, 1]) / np.sqrt(18.0)
     rough: Float = np.asarray(cv2.filter2D(grey, -1, mixed), dtype=np.float64)
-    spreads = [mean(one * one) - mean(one) ** 2 for one in [*changes, rough]]
-    noise = np.min(spreads, axis=0) / 2
+    noise = np.min([spread(rough), *(spread(grey - other) for other in others)], axis=0) / 2
     down, across = (np.asarray(one, dtype=np.float64) for one in np.gradient(grey))
     xx, yy, xy = (
         mean(one * other) for one, other in ((across, across), (down, down), (across, down))

@@ -19,7 +19,6 @@ from gpusim.pipeline.measurements.modes.true_modes import TrueModes, true_modes
 from gpusim.pipeline.measurements.results import PointTable
 from gpusim.pipeline.measurements.series.placing import ReferencePicture
 from gpusim.pipeline.measurements.sources import Sources
-from gpusim.pipeline.scene_objects.cameras import build_shutter
 from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
@@ -38,12 +37,9 @@ def measure_modes(
     points = _points(spec, ReferencePicture(spec, motion))
     pictures = [partial(sources.image, spec.camera, k) for k in range(len(objects.frames))]
     names = [f"frame {k}" for k in range(len(pictures))]
-    shutter = next(build_shutter(one) for one in scene.cameras if one.name == spec.camera)
-    times, line_time = (
-        np.arange(len(pictures)) / rate,
-        0.0 if shutter is None else shutter.line_time,
-    )
-    film = FrameSource(pictures, names, times, line_time=line_time)
+    (shutter,) = (one.shutter for one in scene.cameras if one.name == spec.camera)
+    line_time = 0.0 if shutter is None else shutter.line_time
+    film = FrameSource(pictures, names, np.arange(len(pictures)) / rate, line_time=line_time)
     series = measure.point_series(film, points, method=spec.method, subset=spec.subset_px)
     try:
         found = measure.identify_modes(
