@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 
 from gpusim.cli.console import (
@@ -77,6 +76,8 @@ def track(
         expected = "a video, with --stereo two"
         require(len(videos) == 1 + (stereo is not None), "VIDEO...", len(videos), expected)
         with importing():
+            import numpy as np
+
             from gpusim.applications import CorrelationSettings, track_files
         places = [numbers_of("--point", one, "X,Y in pixels") for one in points or []]
         for line in lines or []:

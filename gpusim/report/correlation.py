@@ -133,8 +133,9 @@ def _cell(value: Any) -> str:
 
 
 def _known(statistic: Callable[..., Any], values: Float, *options: float) -> float | None:
-    """A statistic of values; None where there are none."""
-    return float(statistic(values, *options)) if values.size else None
+    """A statistic of values; None where there are none, or some aren't known."""
+    found = float(statistic(values, *options)) if values.size else np.nan
+    return found if np.isfinite(found) else None
 
 
 _STATUS = {

@@ -84,6 +84,8 @@ def test_markers_and_points_of_a_film(film: Path, tmp_path: Path) -> None:
         units = {name: file[name].attrs["unit"] for name in ("time", "x", "u", "sigma", "U")}
         assert units == {"time": "s", "x": "px", "u": "px", "sigma": "px", "U": "mm"}
         np.testing.assert_array_equal(file["u"][:], moved[..., 0].ravel())
+    told = json.loads((tmp_path / "report.json").read_text(), parse_constant=pytest.fail)
+    assert told["images"][4]["measured"] == 3 and told["images"][4]["time_s"] == 0.02
     assert all(path.exists() for path in done.files) and (tmp_path / "U_mm.png").exists()
 
 
