@@ -346,15 +346,15 @@ class FileMeshTable(InFileUnitsTable):
         return self
 
 
-_Built = (
+MeshTable = Annotated[
     BoxMeshTable
     | BeamMeshTable
     | CraneMeshTable
     | PlateMeshTable
     | BracketMeshTable
-    | FileMeshTable
-)
-MeshTable = Annotated[_Built, Field(discriminator="builder")]
+    | FileMeshTable,
+    Field(discriminator="builder"),
+]
 
 
 class FieldMeshTable(InFileUnitsTable):
@@ -387,4 +387,12 @@ class FieldMeshTable(InFileUnitsTable):
         return self
 
 
-MeshRecipe = _Built | FieldMeshTable
+MeshRecipe = (
+    BoxMeshTable
+    | BeamMeshTable
+    | CraneMeshTable
+    | PlateMeshTable
+    | BracketMeshTable
+    | FileMeshTable
+    | FieldMeshTable
+)
