@@ -1,7 +1,4 @@
-"""Video out: frames go to a sink one by one, and are in a file when the sink is closed.
-
-Whoever makes frames sees a `FrameSink` alone: ``append`` and ``close``.
-"""
+"""Video out: frames go to a sink one by one, and are in a file when the sink is closed."""
 
 from __future__ import annotations
 
@@ -11,7 +8,7 @@ from contextlib import ExitStack
 from functools import partial
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -42,16 +39,6 @@ WRITERS: dict[str, Callable[[Path, Take, ExitStack], Writer]] = {
     ".tif": PictureWriter,
 }
 DEPTHS = (8, 10, 12, 14, 16)
-
-
-class FrameSink(Protocol):
-    """Where frames go, as `files.frame_source.FrameSource` is where they come from."""
-
-    def append(self, image: Image, time: float) -> None:
-        """Add a frame (H, W) or (H, W, 3), uint8 or uint16, that was taken at ``time``, s."""
-
-    def close(self) -> None:
-        """All frames are there: the file gets its name."""
 
 
 @unmasked()
