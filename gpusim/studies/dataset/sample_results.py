@@ -50,8 +50,8 @@ class OpenedSample(ExitStack):
 class SampleResults:
     """Results of a ``sample`` of a study, found in a ``store`` by their keys.
 
-    ``structure``: the same for samples whose bodies are the same and loaded alike (nothing that is
-    solved for differs; where nothing is, neither meshes nor motions nor props); ``resolutions`` px
+    ``structure``: the same for samples of which the same is solved, whatever their load factors;
+    where nothing is, for the same meshes, given motions and props; ``resolutions`` px
     of the cameras by name; ``frames``: how many; ``suffix``: that of pictures, with its dot.
     ``opened`` is shared by all samples of a data set.
     """
@@ -61,12 +61,11 @@ class SampleResults:
         scene, graph = sample.scene(study), Graph()
         graph.add(scene_stages(scene, RunOptions(study.backend)).stages)
         self._keys = graph.records[""]
-        solved = {
-            name for name, keys in self._keys.items()
-            if keys and graph.tasks[keys[0]].stage.public(0) == "solve"
-        }  # fmt: skip
-        shapes = {name for name in self._keys if name.split("/")[0] in ("mesh", "motion", "props")}
-        self.structure = digest([self._keys[name] for name in sorted(solved or shapes)])
+        shapes = [
+            own for name, own in sorted(self._keys.items())
+            if name.split("/")[0] in ("mesh", "motion", "props")
+        ]  # fmt: skip
+        self.structure = digest(self._keys.get("solve") or shapes)
         self.resolutions = {camera.name: camera.resolution for camera in scene.cameras}
         self.frames = len(scene.analysis.frame_values)
         self.suffix = Path(image_name(scene, "", 0)).suffix

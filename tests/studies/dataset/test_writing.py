@@ -8,6 +8,7 @@ import json
 import tarfile
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,11 @@ import tifffile
 
 import gpusim as gs
 from gpusim.errors import GpusimError, InputError, SceneError
+from gpusim.graph.store import Store
 from gpusim.studies import load_study, samples_of
 from gpusim.studies.dataset import write_dataset
 from gpusim.studies.dataset.card import card_text
+from gpusim.studies.dataset.sample_results import OpenedSample, SampleResults
 from gpusim.studies.rows import read_rows
 from tests.support.flow_readers import read_flo, read_kitti
 from tests.support.stretched_bar import (
@@ -133,6 +136,25 @@ def test_no_structure_is_in_two_splits_and_shares_are_exact(whole: Path) -> None
     assert all(len(names) == 1 for names in splits.values())
     counts = Counter(line["split"] for line in lines)
     assert counts == {"train": 4, "val": 2, "test": 2}
+
+
+def test_a_structure_is_what_is_solved_whatever_its_factors(tmp_path: Path) -> None:
+    document = write_study(tmp_path, PARAMETERS)
+    study, store = load_study(document), Store(tmp_path / "store")
+    with OpenedSample() as opened:
+
+        def structure(**changes: Any) -> str:
+            sample = replace(samples_of(study)[0], overrides=changes)
+            return SampleResults(study, sample, store, opened).structure
+
+        first = structure()
+        for alike in ({"sensor.seed": 3}, {"camera.front.focal_mm": 45.0},
+                      {"body.bar.paint.speckle.seed": 4},
+                      {"analysis": {"load_factors": [0.0, 0.5]}}):  # fmt: skip
+            assert structure(**alike) == first
+        for other in ({"material.soft.poissons_ratio": 0.2}, {"body.bar.mesh.divisions": [3, 1, 2]},
+                      {"body.bar.load.pull.traction_MPa": [0.0, 0.0, 1.0]}):  # fmt: skip
+            assert structure(**other) != first
 
 
 def test_the_manifest_says_the_same_as_csv_and_names_every_item(whole: Path) -> None:
