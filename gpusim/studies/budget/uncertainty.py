@@ -40,13 +40,14 @@ class SourceDraws:
     @cached_property
     def uncertainty(self) -> Float:
         """The standard uncertainty (Q,) by this source: standard deviation of the errors."""
-        return np.nanstd(self.errors, axis=0, ddof=1)
+        return np.asarray(np.nanstd(self.errors, axis=0, ddof=1))
 
     @cached_property
     def freedom(self) -> Float:
         """Degrees of freedom (Q,)."""
         drawn = np.count_nonzero(np.isfinite(self.errors), axis=0) - 1.0
-        return drawn if self.degrees_of_freedom is None else 0.0 * drawn + self.degrees_of_freedom
+        known = self.degrees_of_freedom
+        return np.asarray(drawn if known is None else np.full_like(drawn, known))
 
     @cached_property
     def sensitivity(self) -> Float:
