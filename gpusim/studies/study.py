@@ -16,13 +16,15 @@ from gpusim.files.output_folder import check_below, claim, inside
 from gpusim.graph.folder import INNER
 from gpusim.pipeline.runner.stage_log import Progress, silent
 from gpusim.studies.batch import Worker, bare
-from gpusim.studies.budget import uncertainty_budget, with_rig, write_budget
 from gpusim.studies.executors import Client, Here, LocalPool, Pool, local_workers
 from gpusim.studies.plan import StudyPlan, check_samples, study_plan
 from gpusim.studies.rows import FINAL, RowLog, read_rows
 from gpusim.studies.samples import Sample, samples_of
 from gpusim.studies.study_tables import COPY, Study, load_study, study_text
 from gpusim.studies.table import SampleTable
+
+
+_BUDGET = "gpusim.studies.budget"  # a folder of its own, which knows this one
 
 
 def study(
@@ -68,15 +70,16 @@ def study(
     """
     loaded = study if isinstance(study, Study) else load_study(study)
     require(workers >= 1, "study: workers", workers, "1 or more")
-    samples = checked_samples(loaded)
+    samples, is_budget = checked_samples(loaded), loaded.tables.budget is not None
     with claim(out) as folder:
         check_below(folder, INNER)
-        loaded = with_rig(loaded, folder)
+        if is_budget:
+            loaded = import_module(_BUDGET).with_rig(loaded, folder)
         work_off(loaded, samples, folder, workers, scheduler, progress or silent)
         table = SampleTable.from_rows(loaded, samples, read_rows(folder, samples))
         table.write(folder)
-        if loaded.tables.budget is not None:
-            write_budget(loaded.scene.name, uncertainty_budget(loaded, table), folder)
+        if is_budget:
+            import_module(_BUDGET).report_budget(loaded, table, folder)
     return table
 
 
