@@ -23,7 +23,6 @@ from gpusim.studies.samples import Sample, samples_of
 from gpusim.studies.study_tables import COPY, Study, load_study, study_text
 from gpusim.studies.table import SampleTable
 
-
 _BUDGET = "gpusim.studies.budget"  # a folder of its own, which knows this one
 
 
