@@ -11,8 +11,15 @@ In the order in which data passes:
 - `rows`: What became of each sample, appended to logs.
 - `batch`: Samples made together, in one graph of work.
 - `plan`: What a study would make, before any work.
+- `cluster`: Workers of a Dask scheduler.
 - `executors`: Where samples are made: here, in other processes, or on a cluster.
 - `table`: The table of samples: parameters, and every measurement beside the truth.
+- `effects`: What a study's parameters do to what was measured: one of them, two together, Sobol
+  indices.
+- `figures`: Figures of a study: main effects, two parameters together, all against all, Sobol
+  indices.
+- `report`: report.html and report.json of a study.
+- `budget`: The uncertainty budget of a rig.
 - `dataset`: Pictures of samples with exact labels, for who trains or tests.
 - `study`: A study worked off into a folder.
 """

@@ -20,7 +20,6 @@ from gpusim.pipeline.runner.stage_log import Progress, silent
 from gpusim.plan.scene_stages import scene_stages
 from gpusim.plan.stages import RunOptions
 from gpusim.studies.batch import Worker, bare
-from gpusim.studies.budget import uncertainty_budget, with_rig, write_budget
 from gpusim.studies.executors import Client, Here, LocalPool, Pool, local_workers
 from gpusim.studies.plan import StudyPlan, check_samples, study_plan
 from gpusim.studies.report import Pictures, write_study_report
@@ -28,6 +27,8 @@ from gpusim.studies.rows import FINAL, RowLog, read_rows
 from gpusim.studies.samples import Sample, samples_of
 from gpusim.studies.study_tables import COPY, Study, load_study, study_text
 from gpusim.studies.table import SampleTable
+
+_BUDGET = "gpusim.studies.budget"  # a folder of its own, which knows this one
 
 
 def study(
@@ -74,24 +75,25 @@ def study(
     """
     loaded = study if isinstance(study, Study) else load_study(study)
     require(workers >= 1, "study: workers", workers, "1 or more")
-    samples = checked_samples(loaded)
+    samples, is_budget = checked_samples(loaded), loaded.tables.budget is not None
     with claim(out) as folder:
         check_below(folder, INNER, "dataset")
-        loaded = with_rig(loaded, folder)
+        if is_budget:
+            loaded = import_module(_BUDGET).with_rig(loaded, folder)
         work_off(loaded, samples, folder, workers, scheduler, progress or silent)
         rows = read_rows(folder, samples)
         table = SampleTable.from_rows(loaded, samples, rows)
         table.write(folder)
         (progress or silent)("report", 0.0, "figures and page")
-        if loaded.tables.budget is not None:
-            write_budget(loaded.scene.name, uncertainty_budget(loaded, table), folder)
+        if is_budget:
+            import_module(_BUDGET).report_budget(loaded, table, folder)
         else:
             write_study_report(loaded, table, folder, _pictures(loaded, samples, folder))
         (progress or silent)("report", 1.0, "report.html, report.json")
         if loaded.tables.dataset is not None:
-            from gpusim.studies.dataset import write_dataset  # OpenCV and HDF5
-
-            write_dataset(loaded, samples, rows, folder, progress or silent)
+            import_module("gpusim.studies.dataset").write_dataset(
+                loaded, samples, rows, folder, progress or silent
+            )
     return table
 
 

@@ -18,6 +18,7 @@ from gpusim.optics.calibration.formats import calibration_text
 from gpusim.pipeline.scene_objects.cameras import build_camera
 from gpusim.studies.budget.draws import Overrides, draw, together
 from gpusim.studies.budget.identifiability import remarks
+from gpusim.studies.budget.page import write_budget
 from gpusim.studies.budget.sources import JOINT, sources_of
 from gpusim.studies.budget.uncertainty import SourceDraws, UncertaintyBudget
 from gpusim.studies.budget_tables import BudgetTable
@@ -95,6 +96,11 @@ def uncertainty_budget(study: Study, table: SampleTable) -> UncertaintyBudget:
         coverage=tables.coverage,
         remarks=tuple(told),
     )
+
+
+def report_budget(study: Study, table: SampleTable, out: Path) -> None:
+    """Write the page of a budget into ``out``. Raises as `uncertainty_budget`."""
+    write_budget(study.scene.name, uncertainty_budget(study, table), out)
 
 
 def _tables(study: Study) -> BudgetTable:

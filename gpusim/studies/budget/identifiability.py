@@ -48,7 +48,7 @@ def remarks(scene: Scene) -> list[str]:
             told.append(
                 f"Measure {spec.name!r}: motion along {_direction(axes[-1])}, the line of sight of "
                 f"camera {views[0].name!r}, isn't identifiable (singular value "
-                f"{values[-1] / values[0]:.1g} of the largest, limit {LEAST:g}): 1 mm of it "
+                f"{abs(values[-1]) / values[0]:.1g} of the largest, limit {LEAST:g}): 1 mm of it "
                 f"reads as a strain of {1e3 / away:.0f} microstrain."
             )
         if len(views) == 1:  # pairs are calibrated by more than this

@@ -61,7 +61,7 @@ def errors(values: dict[str, Float]) -> Float:
     for noise, lens, pose in zip(*values.values(), strict=True):
         seen = pixels + noise.reshape(2, 2, 1, 2)
         rig = wrong(rig_of(pair), lens, pose)
-        before, after = (measure.triangulate(rig, seen[:, k]).points[0] for k in (0, 1))
+        before, after = measure.triangulate(rig, seen[:, :, 0]).points
         result.append(after - before - true)
     return np.array(result)
 
@@ -74,7 +74,7 @@ def drawn(count: int, seed: int) -> dict[str, Float]:
 
 def test_intervals_of_a_pair_hold_the_truth() -> None:
     """Of 1,000 runs with other noise, lenses and poses 93.5 to 96.5 %."""
-    values = drawn(512, 1)
+    values = drawn(256, 1)
     nothing = {name: 0.0 * one for name, one in values.items()}
     sources = tuple(
         SourceDraws(name, tuple(f"{name}.{k}" for k in range(len(SIZES[name]))), values[name],
