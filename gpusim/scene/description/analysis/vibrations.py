@@ -31,8 +31,9 @@ Frequencies = Annotated[
     tuple[Annotated[float, Field(gt=0)], ...], Listed(1, MOST_FRAMES, different=True)
 ]
 
+_ALL = -1.0  # as `gpusim.motion.ALL`
+_PHASES = 8
 _SHOWN = ("modes", "phases", "duration_s", "frame_rate_Hz", "amplitude_mm")
-_ALL, _PHASES = -1.0, 8  # `gpusim.motion.ALL`; without `phases`
 """Keys of what frames show of motions that are known."""
 
 
