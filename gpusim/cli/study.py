@@ -133,6 +133,7 @@ def _content(folder: Path, study: Any) -> dict[str, Any]:
     told = json.loads(read_input(report).text("JSON")) if report.is_file() else {}
     return {
         "samples": len(samples),
+        "dataset": study.tables.dataset is not None,
         "running": inside(folder, LOCK).exists(),
         "status": dict(Counter(row["status"] for row in rows)),
         "seconds": round(sum(row["seconds"] for row in rows), 2),
@@ -161,7 +162,8 @@ def _print(content: dict[str, Any], folder: Path) -> None:
         out(f"\n{advice}")
     if (folder / "samples.csv").exists():
         out(f"\nTable: {folder / 'samples.csv'}")
-        if (card := inside(folder, "dataset/README.md")).is_file():
+        card = inside(folder, "dataset/README.md")
+        if content["dataset"] and card.is_file():
             out(f"Data set: {card}")
 
 

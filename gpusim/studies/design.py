@@ -44,7 +44,9 @@ def points(study: Study) -> dict[str, list[Any]]:
     tables = study.tables
     axes: list[Columns] = [] if tables.rows is None else [_rows(study)]
     axes += [{one.label: one.list_} for one in tables.parameter if one.list_ is not None]
-    for label in {name for one in axes[1:] for name in one} & {*axes[0]} if axes else ():
+    others = {name for one in tables.parameter for name in (one.key, one.label)}
+    others |= {one.key for one in tables.derived}
+    for label in others & {*axes[0]} if tables.rows is not None else ():
         raise InputError(f"{study.source}: {label} stands in rows, too; expected it once")
     if tables.combine == "zip" and axes:
         axes = [{name: values for one in axes for name, values in one.items()}]

@@ -143,7 +143,7 @@ class Client:
         self._tries: Counter[int] = Counter()
         self._begun: set[int] = set()
         self._deaths = 0  # since a sample was finished
-        self._numbers = {sample.key: sample.number for sample in samples}
+        self._keys = {sample.number: sample.key for sample in samples}
         self._log, self._reader = RowLog(out), RowReader(out)
         for _ in self._reader.new():  # of earlier calls
             pass
@@ -178,8 +178,8 @@ class Client:
         for line in self._reader.new():
             if "begun" in line:
                 self._begun.add(line["begun"])
-            elif line.get("key") in self._numbers:
-                self._count(self._numbers[line["key"]], line["status"])
+            elif "key" in line and line["key"] == self._keys.get(line["number"]):
+                self._count(line["number"], line["status"])
         self.told(self.counts)
 
     def _count(self, number: int, status: str) -> None:

@@ -26,10 +26,12 @@ FUNCTIONS: Mapping[str, Callable[..., Any] | float] = {
 """What expressions may call, and pi."""
 _OPERATORS: Mapping[type, Callable[..., Any]] = {
     ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide,
-    ast.Pow: np.power, ast.USub: np.negative, ast.UAdd: np.positive, ast.Not: np.logical_not,
+    ast.Pow: np.power, ast.USub: np.negative, ast.UAdd: np.positive,
     ast.Lt: np.less, ast.LtE: np.less_equal, ast.Gt: np.greater, ast.GtE: np.greater_equal,
-    ast.Eq: np.equal, ast.NotEq: np.not_equal, ast.And: np.logical_and, ast.Or: np.logical_or,
+    ast.Eq: np.equal, ast.NotEq: lambda a, b: (a < b) | (a > b),
+    ast.And: np.logical_and, ast.Or: np.logical_or,
 }  # fmt: skip
+_OF_SEVERAL = "min", "max"
 _EXPECTED = "numbers, names, + - * / ** ( ), comparisons, " + " ".join(FUNCTIONS)
 
 
@@ -76,6 +78,11 @@ def _value(node: ast.AST, columns: Mapping[str, Values], where: str) -> Any:
             return _column(ast.unparse(node), columns, where)
         case ast.BinOp() if type(node.op) in _OPERATORS:
             return _OPERATORS[type(node.op)](*inner(node.left, node.right))
+        case ast.UnaryOp(op=ast.Not()):  # nor does NaN pass what it fails
+            inside = [one for one in ast.walk(node) if isinstance(one, ast.Compare)]
+            sides = inner(*(side for one in inside for side in (one.left, *one.comparators)))
+            known = [~np.isnan(one) for one in sides]
+            return reduce(np.logical_and, known, np.logical_not(*inner(node.operand)))
         case ast.UnaryOp() if type(node.op) in _OPERATORS:
             return _OPERATORS[type(node.op)](*inner(node.operand))
         case ast.BoolOp():
@@ -84,8 +91,10 @@ def _value(node: ast.AST, columns: Mapping[str, Values], where: str) -> Any:
             sides = inner(node.left, *node.comparators)
             pairs = zip(node.ops, sides[:-1], sides[1:], strict=True)
             return reduce(np.logical_and, [_OPERATORS[type(op)](a, b) for op, a, b in pairs])
-        case ast.Call(func=ast.Name(id=name), keywords=[]) if callable(FUNCTIONS.get(name)):
-            return FUNCTIONS[name](*inner(*node.args))  # type: ignore[operator]
+        case ast.Call(func=ast.Name(id=name), keywords=[], args=given) if callable(
+            function := FUNCTIONS.get(name)
+        ) and (len(given) == 1 or name in _OF_SEVERAL):
+            return function(*inner(*given))
     raise InputError(f"{where}: not understood; got {ast.unparse(node)}; expected {_EXPECTED}")
 
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from gpusim.arrays.array_types import Long
-from gpusim.errors import Fault, SceneError
+from gpusim.errors import Fault, InputError, SceneError
 from gpusim.graph.graph import Graph, Task
 from gpusim.plan.decision import Decision
 from gpusim.plan.machine_speed import Speed
@@ -203,6 +203,7 @@ def check_samples(study: Study, samples: Sequence[Sample]) -> None:
     """Look at the samples in which a key is smallest and largest, and at every value of short
     lists. Raises SceneError for keys that there aren't, and for values that a key never takes; what
     is wrong in a sample for other reasons is its own affair."""
+    _check_keys(study, samples)
     faults: dict[str, Fault] = {}
     for key, first, last in _extremes([one for one in samples if not one.refused]):
         found = [*_faults(study, first)]
@@ -212,6 +213,19 @@ def check_samples(study: Study, samples: Sequence[Sample]) -> None:
                     faults.setdefault(fault.key, fault)
     if faults:
         raise SceneError(study.source, list(faults.values()))
+
+
+def _check_keys(study: Study, samples: Sequence[Sample]) -> None:
+    """Raises InputError for a key that overwrites what an earlier one has put."""
+    document, places = study.scene.document, dict[tuple[str | int, ...], str]()
+    for key, value in samples[0].overrides.items() if samples else ():
+        place = put(document, key, value)
+        if isinstance(place, Fault):  # `check_samples` says so
+            continue
+        for earlier, name in places.items():
+            if earlier[: len(place)] == place:
+                raise InputError(f"{study.source}: {key} overwrites {name}; expected each key once")
+        places[place] = key
 
 
 def _faults(study: Study, sample: Sample) -> Sequence[Fault]:

@@ -72,11 +72,11 @@ class RowReader:
 
 
 def read_rows(out: Path, samples: Sequence[Sample]) -> dict[int, Row]:
-    """The row of each of the samples that has one, by number; of several the one that is final."""
-    numbers = {sample.key: sample.number for sample in samples}
-    found: dict[int, Row] = {}
+    """The row of each of the samples that has one, by number; of several the one that is final.
+    Samples that are the same have one row together."""
+    found: dict[str, Row] = {}
     for line in RowReader(out).new():
-        number = numbers.get(line.get("key", ""))
-        if number is not None and found.get(number, {}).get("status") not in FINAL:
-            found[number] = line
-    return found
+        key = line.get("key", "")
+        if found.get(key, {}).get("status") not in FINAL:
+            found[key] = line
+    return {one.number: found[one.key] for one in samples if one.key in found}

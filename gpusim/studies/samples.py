@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -12,10 +12,10 @@ import numpy as np
 
 from gpusim._version import __version__
 from gpusim.errors import InputError
-from gpusim.files.input_file import read_input
 from gpusim.graph.stage import digest
 from gpusim.scene import Scene
 from gpusim.scene.faults.key_paths import pick
+from gpusim.scene.files import find_files
 from gpusim.studies.design import points
 from gpusim.studies.expressions import Values, evaluated
 from gpusim.studies.study_tables import Study
@@ -96,7 +96,7 @@ def samples_of(study: Study) -> Sequence[Sample]:
     for point in range(count):
         values = {name: own[point] for name, own in columns.items()}
         changed = {key: own[point] for key, own in changes.items()}
-        named = [contents.get(one) for one in changed.values() if isinstance(one, str)]
+        named = [contents[one] for one in _texts([*changed.values()]) if one in contents]
         for repeat in range(tables.repeats):
             whole = changed | {key: first[point] + repeat for key, first in seeds.items()}
             key = digest([head, whole, named])
@@ -132,7 +132,8 @@ def _derived(
         lists = [list(one) for one in zip(*(part for part, _ in parts), strict=True)]
         return lists, np.any([infinite for _, infinite in parts], axis=0)
     if not isinstance(value, str):
-        return [value] * count, np.zeros(count, dtype=bool)
+        whole = isinstance(value, float) and value.is_integer()
+        return [int(value) if whole else value] * count, np.zeros(count, dtype=bool)
     found = evaluated(value, columns, f"derived {key}: {value!r}")
     if found.dtype.kind != "f":
         raise InputError(f"derived {key}: {value!r} is a comparison; expected a number")
@@ -151,9 +152,18 @@ def _seed(study: Study, key: str, changes: Mapping[str, Sequence[Any]]) -> Seque
     return first
 
 
-def _files(study: Study, changes: Mapping[str, Sequence[Any]]) -> dict[str, str]:
-    """SHA-256 of the files that values name."""
+def _files(study: Study, changes: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
+    """SHA-256 of the files that values name, with those that they name."""
     folder = Path(study.scene.source).parent
-    texts = {one for values in changes.values() for one in values if isinstance(one, str)}
+    texts = {one for values in changes.values() for one in _texts(values)}
     named = [text for text in texts if "." in text and (folder / text).is_file()]
-    return {text: read_input(folder / text).sha256 for text in named}
+    return {text: find_files({"body": [{"mesh": {"file": text}}]}, folder, {})[1] for text in named}
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """The texts in a value, and in lists and tables of it."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, list | tuple | dict):
+        for one in value.values() if isinstance(value, dict) else value:
+            yield from _texts(one)

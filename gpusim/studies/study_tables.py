@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,6 +27,7 @@ from gpusim.studies.expressions import FUNCTIONS
 COPY = "study.toml"
 """The study in its folder."""
 DISTRIBUTIONS = "uniform", "log_uniform", "normal", "log_normal"
+_COLUMNS = "sample", "repeat", "status", "error", "seconds"  # of the table of samples
 
 Key = Annotated[str, Field(min_length=1, max_length=200)]
 Expression = Annotated[str, Field(min_length=1, max_length=500)]
@@ -81,6 +83,8 @@ class ParameterTable(Table):
             raise fault("", "not one kind of values", got, f"one of {expected}")
         if self.name in FUNCTIONS:
             raise fault("name", "is a function of expressions", self.name, "another name")
+        if self.name in _COLUMNS:
+            raise fault("name", "is another column of samples.csv", self.name, "another name")
         kind = self.distribution
         first, second = getattr(self, kind) if kind else (1.0, 2.0)
         low, high = self.low, self.high
@@ -238,7 +242,11 @@ def load_study(
     if isinstance(document, Fault):
         raise SceneError(str(place), [document])
     try:
+        json.dumps(document)
         tables = StudyTable.model_validate(document)
+    except TypeError:
+        expected = "expected numbers, texts, lists and tables"
+        raise InputError(f"{place}: a date or a time; {expected}") from None
     except ValidationError as error:
         faults, more = faults_of(error, key_lines(text), _schema())
         raise SceneError(str(place), faults, more) from None

@@ -103,3 +103,12 @@ def test_sobol_indices_of_a_known_function(tmp_path: Path) -> None:
     indices = stats.sobol_indices(func={"f_A": a, "f_B": b, "f_AB": np.stack(mixed)}, n=1024)
     np.testing.assert_allclose(indices.first_order.ravel(), [0.3139, 0.4424, 0.0], atol=0.02)
     np.testing.assert_allclose(indices.total_order.ravel(), [0.5576, 0.4424, 0.2437], atol=0.02)
+
+
+@pytest.mark.parametrize("kind", ["list = [1e-6]", "uniform = [1e-6, 1e-5]"])
+def test_a_key_of_rows_stands_nowhere_else(kind: str, tmp_path: Path) -> None:
+    write_study(tmp_path)
+    (tmp_path / "points.csv").write_text("solver.tolerance\n1e-6\n1e-5\n")
+    samples = "samples = 2\n" if "uniform" in kind else ""
+    with pytest.raises(InputError, match="stands in rows, too"):
+        of(tmp_path, f'rows = "points.csv"\n{samples}' + drawn(kind))

@@ -36,6 +36,12 @@ def test_comparisons_are_joined() -> None:
     assert found.tolist() == [False, False, True]
 
 
+@pytest.mark.parametrize("text", ["{} != 5", "not {} > 5", "not (a > 9 or {} == 5)", "{} >= 0"])
+def test_what_has_no_value_passes_no_comparison(text: str) -> None:
+    found = evaluated(text.format("sqrt(a)"), COLUMNS, "here")
+    assert found.tolist() == [True, True, False]
+
+
 def test_what_has_no_value_is_not_finite() -> None:
     assert not np.isfinite(evaluated("1 / (a - 1) + log(a)", COLUMNS, "here"))[[0, 2]].any()
 
@@ -45,7 +51,7 @@ def test_what_has_no_value_is_not_finite() -> None:
     ["__import__('os').system('true')", "a.__class__", "().__class__", "[a for a in (1, 2)]",
      "lambda: 1", "open('x')", "f'{a}'", "'text'", "True", "a if a else 1", "sqrt(x=1)", "a @ a",
      "sqrt", "1j", "a = 1", "import os", "", "(" * 400, "a[0]", "word + 1", "sqrt()", "min()",
-     "9" * 400, "a // 2", "a; a"],
+     "log(a, a)", "9" * 400, "a // 2", "a; a"],
 )  # fmt: skip
 def test_anything_else_is_one_clear_error(text: str) -> None:
     with pytest.raises(InputError, match="here") as caught:

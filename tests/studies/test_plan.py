@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gpusim.errors import SceneError
+from gpusim.errors import InputError, SceneError
 from gpusim.graph.graph import Graph
 from gpusim.plan.scene_stages import scene_stages
 from gpusim.plan.stages import RunOptions
@@ -74,6 +74,16 @@ def test_values_that_a_key_never_takes_are_refused(text: str, words: str, tmp_pa
     with pytest.raises(SceneError) as caught:
         check_samples(study, samples_of(study))
     assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("key", ["camera.0.focal_mm", "camera.0", "camera.side"])
+def test_a_key_that_overwrites_another_is_refused(key: str, tmp_path: Path) -> None:
+    value = "29.0" if key.endswith("mm") else "{}"
+    study = load_study(
+        write_study(tmp_path, STUDY + f'[[parameter]]\nkey = "{key}"\nlist = [{value}]\n')
+    )
+    with pytest.raises(InputError, match=f"{key} overwrites {FOCAL}"):
+        check_samples(study, samples_of(study))
 
 
 def test_what_is_wrong_beside_other_values_alone_is_left_to_the_samples(tmp_path: Path) -> None:

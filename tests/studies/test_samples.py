@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import gpusim as gs
-from gpusim.errors import InputError
+from gpusim.errors import InputError, SceneError
 from gpusim.studies import load_study, samples_of
 from tests.studies.small_studies import FOCAL, STUDY, YOUNG, write_study
 
@@ -55,6 +55,14 @@ def test_a_file_that_a_sample_names_is_found_and_counts(tmp_path: Path) -> None:
     after = samples_of(study)
     assert after[0].key == before[0].key
     assert after[1].key != before[1].key
+    table = 'key = "body.bar.mesh"\nlist = [{ file = "other.inp", unit = "mm" }]\n'
+    path.write_text(f'scene = "bar.toml"\nbackend = "numpy"\n[[parameter]]\n{table}')
+    study, keys = load_study(path), set[str]()
+    for number in range(2):  # in a table, and by a file that it names
+        (tmp_path / "other.inp").write_text("*INCLUDE, INPUT=inner.inp\n")
+        (tmp_path / "inner.inp").write_text((tmp_path / "bar.inp").read_text() + f"** {number}\n")
+        keys.add(samples_of(study)[0].key)
+    assert len(keys) == 2
 
 
 def test_keys_tell_all_that_results_depend_on(tmp_path: Path) -> None:
@@ -79,6 +87,21 @@ def test_keys_tell_all_that_results_depend_on(tmp_path: Path) -> None:
 def test_wrong_expressions_are_refused(text: str, words: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=words):
         samples_of(load_study(write_study(tmp_path, STUDY + text)))
+
+
+def test_whole_numbers_are_given_as_such(tmp_path: Path) -> None:
+    path = write_study(tmp_path, STUDY + '[[derived]]\nkey = "solver.tolerance"\nvalue = 5\n')
+    assert type(samples_of(load_study(path))[0].overrides["solver.tolerance"]) is int
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("list = [1979-05-27]", "a date"), ('list = [1.0]\nname = "error"', "another column")],
+)
+def test_parameters_that_no_table_holds_are_refused(text: str, words: str, tmp_path: Path) -> None:
+    path = write_study(tmp_path, f'scene = "bar.toml"\n[[parameter]]\nkey = "{FOCAL}"\n{text}\n')
+    with pytest.raises((InputError, SceneError), match=words):
+        load_study(path)
 
 
 def test_a_key_that_cannot_be_counted_up_is_refused(tmp_path: Path) -> None:

@@ -112,6 +112,17 @@ def test_tables_hold_every_number(made: Made) -> None:
         table["statis"]
 
 
+def test_samples_that_are_the_same_have_one_row(made: Made) -> None:
+    folder, table = made
+    path = folder / "twice.toml"
+    path.write_text(STUDY.replace("29.0, 30.0", "29.0, 29.0").replace("60.0, 70.0", "60.0"))
+    for out in ("out", "twice"):
+        again = gs.study(path, folder / out)
+        assert again["status"].tolist() == ["done"] * 4
+        name = "tip: RMS error of all markers measured [mm]"
+        assert again[name].tolist() == table[name][[0, 1, 0, 1]].tolist()
+
+
 def test_a_longer_study_adds_what_is_new(made: Made, tmp_path: Path) -> None:
     folder, _ = made
     longer = folder / "longer.toml"
