@@ -23,11 +23,11 @@ from gpusim.errors import GpusimError, InputError, SceneError
 from gpusim.graph.store import Store
 from gpusim.studies import load_study, samples_of
 from gpusim.studies.dataset import write_dataset
-from gpusim.studies.dataset.card import card_text
 from gpusim.studies.dataset.sample_results import OpenedSample, SampleResults
 from gpusim.studies.rows import read_rows
 from tests.support.flow_readers import read_flo, read_kitti
 from tests.support.stretched_bar import (
+    PARAMETERS,
     PlainCamera,
     stretch,
     true_flow,
@@ -35,19 +35,6 @@ from tests.support.stretched_bar import (
     write_study,
 )
 
-PARAMETERS = """
-backend = "numpy"
-[[parameter]]
-key = "body.bar.load.pull.traction_MPa"
-list = [[10.0, 0.0, 0.0], [20.0, 0.0, 0.0], [-15.0, 0.0, 0.0], [40.0, 0.0, 0.0]]
-name = "traction"
-[[parameter]]
-key = "camera.front.position_mm"
-list = [[30.0, -300.0, 15.0], [80.0, -300.0, 40.0]]
-name = "place"
-[dataset]
-splits = { train = 0.5, val = 0.25, test = 0.25 }
-"""
 ALL_LABELS = """
 labels = ["flow", "forward_flow", "displacement", "depth", "normal", "region", "element",
           "visibility", "keypoints", "poses"]
@@ -332,20 +319,6 @@ def test_the_card_tells_versions_seeds_conventions_and_counts(whole: Path) -> No
     ):  # fmt: skip
         assert words in card
     assert "KITTI" not in card and "tar file" not in card
-
-
-def test_the_card_of_repeats_in_shards_names_what_counts_up(tmp_path: Path) -> None:
-    text = "repeats = 2\n" + PARAMETERS + 'flow_format = "kitti"\nshards = 9\n'
-    study = load_study(write_study(tmp_path, text))
-    assert study.tables.dataset is not None
-    card = card_text(study, {"train": [18, 2, 9]}, 9, 16, ["manifest.csv"])
-    for words in (
-        "9 of 16 samples of a study; the others were refused or came to nothing",
-        "crops and splits 0; sensor.seed: one more for each of 2 repeats",
-        "off by up to 1/128 px", "9 items lie in a tar file",
-        "  - split: train\n    path: train/manifest.csv\n",
-    ):  # fmt: skip
-        assert words in card
 
 
 def test_sequences_have_all_frames_and_kitti_is_rounded(tmp_path: Path) -> None:
