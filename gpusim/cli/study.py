@@ -25,6 +25,7 @@ from gpusim.cli.console import (
 )
 from gpusim.cli.tables import print_report, print_rows
 from gpusim.errors import InputError, require
+from gpusim.files.input_file import read_input
 from gpusim.files.output_folder import LOCK, check_folder, inside
 
 if TYPE_CHECKING:
@@ -47,6 +48,9 @@ Status = Annotated[
 Sample = Annotated[
     int | None, typer.Option(metavar="N", help="Run one sample whole, into OUT/samples/N.")
 ]
+Budget = Annotated[
+    bool, typer.Option("--budget", help="Of a scene, in place of a study: its uncertainty budget.")
+]
 BackendOption = Annotated[Backend | None, typer.Option(help="In place of the study's.")]
 
 
@@ -58,6 +62,7 @@ def study(
     plan: PlanOnly = False,
     status: Status = False,
     sample: Sample = None,
+    budget: Budget = False,
     backend: BackendOption = None,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -69,6 +74,8 @@ def study(
     gpusim study STUDY.toml -o OUT --workers 4
 
     gpusim study OUT --status
+
+    gpusim study --budget SCENE.toml -o OUT
     """
     with exit_codes():
         if output is not None:
@@ -84,7 +91,7 @@ def study(
 
             folder = output or (study if study.is_dir() else None)
             file = inside(study, COPY) if study.is_dir() else study
-            loaded = load_study(file, backend)
+            loaded = load_study(file, backend, budget=budget and file == study)
         if plan:
             made = study_plan(loaded, checked_samples(loaded))
             finish(json.dumps(made.to_dict(), indent=2), as_json, quiet, partial(_print_plan, made))
@@ -93,13 +100,14 @@ def study(
             raise InputError("study -o; got none; expected -o OUT, or the folder of a study")
         if sample is not None:
             from gpusim.pipeline import run
+            from gpusim.studies.budget import with_rig
 
             samples = samples_of(loaded)
             require(0 <= sample < len(samples), "--sample", sample, f"0 to {len(samples) - 1}")
             place = inside(folder, "samples", str(sample))
             with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
                 report = run(
-                    samples[sample].scene(loaded), place, backend=loaded.backend,
+                    samples[sample].scene(with_rig(loaded, folder)), place, backend=loaded.backend,
                     store=inside(folder, ".gpusim"), progress=progress,
                 )  # fmt: skip
             finish(report.to_json(), as_json, quiet, partial(print_report, report, place))
@@ -121,6 +129,8 @@ def _content(folder: Path, study: Any) -> dict[str, Any]:
     made: Counter[str] = Counter()
     for row in rows:
         made.update(row["made"])
+    report = inside(folder, "report.json")
+    told = json.loads(read_input(report).text("JSON")) if report.is_file() else {}
     return {
         "samples": len(samples),
         "running": inside(folder, LOCK).exists(),
@@ -128,6 +138,7 @@ def _content(folder: Path, study: Any) -> dict[str, Any]:
         "seconds": round(sum(row["seconds"] for row in rows), 2),
         "made": dict(made),
         "errors": dict(Counter(row["error"] for row in rows if row["error"]).most_common()),
+        "budget": [one["advice"] for one in told.get("quantities", ())],
     }
 
 
@@ -146,7 +157,9 @@ def _print(content: dict[str, Any], folder: Path) -> None:
         out(f"{count:6}  {text}")
     if len(errors) > _MOST_ERRORS:
         out(f"and {len(errors) - _MOST_ERRORS} other errors, in samples.csv")
-    if not content["running"]:
+    for advice in content["budget"]:
+        out(f"\n{advice}")
+    if (folder / "samples.csv").exists():
         out(f"\nTable: {folder / 'samples.csv'}")
         if (card := inside(folder, "dataset/README.md")).is_file():
             out(f"Data set: {card}")

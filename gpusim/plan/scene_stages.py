@@ -95,12 +95,16 @@ def _pictures(build: StageBuilder, camera: str, motions: Needs) -> Iterator[Stag
     # neighbours tell how things move while the shutter is open, but for what is known at any time
     told = scene.analysis.vibrates and not any(prop.poses for prop in scene.props)
     wide = spec.shutter is not None and rate is not None and not told
+    flickers = any(light.flicker is not None for light in scene.lights)
     rows, moved = [], []
-    for number in range(len(frames)):
+    for number, instant in enumerate(frames):
         near = frames.near(number, wide)
         shown = [frames.shown(one) for one in near]
-        row = [shown, near.index(number), (near[-1] - near[0]) / (rate or 1.0), board]
-        rows.append(row if build.options.skip else [*row, number])  # else equal frames are one
+        between = (near[-1] - near[0]) / (rate or 1.0)
+        when = spec.late(number), instant.time if flickers else None
+        row = [shown, near.index(number), between, board, *when]
+        alike = build.options.skip and not spec.unsteady  # equal frames are one
+        rows.append(row if alike else [*row, number])
         moved.append(not all(one.unloaded for one in shown))
     needs = {name: lambda k: (0,) if moved[k] else () for name in motions}
     sections = [f"camera.{camera}", "light", "render", "prop.still", "body.*.name"]

@@ -182,7 +182,7 @@ def _equipped(camera: CameraTable, sensor: str) -> CameraTable:
 
 def _response(sensor: SensorTable) -> SensorTable:
     defaults = type(sensor).model_fields
-    names = ("seed", "series")
+    names = ("seed", "series", "drift_percent")
     return sensor.model_copy(update={name: defaults[name].default for name in names})
 
 

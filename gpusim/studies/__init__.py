@@ -3,6 +3,7 @@
 In the order in which data passes:
 
 - `expressions`: Short arithmetic expressions of parameters, over all points at once.
+- `budget_tables`: ``[budget]``: what a measurement's uncertainty comes from.
 - `study_tables`: ``study.toml``, read, checked and resolved.
 - `dataset_table`: ``[dataset]`` of a study: items, labels, crops, splits.
 - `design`: The points of a study: what each parameter is in each of them.

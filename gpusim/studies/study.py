@@ -14,10 +14,16 @@ from gpusim.errors import require
 from gpusim.files.atomic_files import write_text
 from gpusim.files.output_folder import check_below, claim, inside
 from gpusim.graph.folder import INNER
+from gpusim.graph.graph import Graph
+from gpusim.graph.store import Store
 from gpusim.pipeline.runner.stage_log import Progress, silent
+from gpusim.plan.scene_stages import scene_stages
+from gpusim.plan.stages import RunOptions
 from gpusim.studies.batch import Worker, bare
+from gpusim.studies.budget import uncertainty_budget, with_rig, write_budget
 from gpusim.studies.executors import Client, Here, LocalPool, Pool, local_workers
 from gpusim.studies.plan import StudyPlan, check_samples, study_plan
+from gpusim.studies.report import Pictures, write_study_report
 from gpusim.studies.rows import FINAL, RowLog, read_rows
 from gpusim.studies.samples import Sample, samples_of
 from gpusim.studies.study_tables import COPY, Study, load_study, study_text
@@ -36,7 +42,8 @@ def study(
 
     What the folder has of them is kept, so that a study that was ended goes on. Samples that fail,
     or are refused, are recorded in the table. ``out`` gets samples.csv and, with
-    ``gpusim[study]``, samples.parquet; and, of a study with ``[dataset]``, the folder dataset.
+    ``gpusim[study]``, samples.parquet, a report, and of a study with ``[dataset]`` the folder
+    dataset.
 
     Parameters
     ----------
@@ -70,15 +77,38 @@ def study(
     samples = checked_samples(loaded)
     with claim(out) as folder:
         check_below(folder, INNER, "dataset")
+        loaded = with_rig(loaded, folder)
         work_off(loaded, samples, folder, workers, scheduler, progress or silent)
         rows = read_rows(folder, samples)
         table = SampleTable.from_rows(loaded, samples, rows)
         table.write(folder)
+        (progress or silent)("report", 0.0, "figures and page")
+        if loaded.tables.budget is not None:
+            write_budget(loaded.scene.name, uncertainty_budget(loaded, table), folder)
+        else:
+            write_study_report(loaded, table, folder, _pictures(loaded, samples, folder))
+        (progress or silent)("report", 1.0, "report.html, report.json")
         if loaded.tables.dataset is not None:
             from gpusim.studies.dataset import write_dataset  # OpenCV and HDF5
 
             write_dataset(loaded, samples, rows, folder, progress or silent)
     return table
+
+
+def _pictures(study: Study, samples: Sequence[Sample], out: Path) -> Pictures:
+    """What finds the last picture of a sample's first camera."""
+    store = Store(inside(out, INNER))
+
+    def last(number: int) -> Path | None:
+        scene, graph = samples[number].scene(study), Graph()
+        graph.add(scene_stages(scene, RunOptions(study.backend)).stages)
+        for camera in scene.cameras:
+            record = store.find(graph.records[""][f"picture/{camera.name}"][-1])
+            for facts in record.files.values() if record else ():
+                return store.blob(facts.sha256)
+        return None
+
+    return last
 
 
 def checked_samples(study: Study) -> Sequence[Sample]:

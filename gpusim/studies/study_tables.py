@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -19,13 +19,13 @@ from gpusim.scene.faults.faults import faults_of, unread
 from gpusim.scene.faults.key_paths import key_lines
 from gpusim.scene.tables.table import Count, Listed, Pair, Seed, Table, fault
 from gpusim.scene.toml_text import parse_toml, toml_text
+from gpusim.studies.budget_tables import BudgetTable
 from gpusim.studies.dataset_table import DatasetTable
 from gpusim.studies.expressions import FUNCTIONS
 
 COPY = "study.toml"
 """The study in its folder."""
 DISTRIBUTIONS = "uniform", "log_uniform", "normal", "log_normal"
-_POSITIVE = "log_uniform", "log_normal"
 
 Key = Annotated[str, Field(min_length=1, max_length=200)]
 Expression = Annotated[str, Field(min_length=1, max_length=500)]
@@ -76,32 +76,28 @@ class ParameterTable(Table):
     def _one_kind(self) -> Self:
         kinds = ["list"] * (self.list_ is not None)
         kinds += [one for one in DISTRIBUTIONS if getattr(self, one) is not None]
-        expected = f"one of list, {', '.join(DISTRIBUTIONS)}"
         if len(kinds) != 1:
-            raise fault(kinds[-1] if kinds else "", "not one kind of values",
-                        " and ".join(kinds) or "none", expected)  # fmt: skip
+            got, expected = " and ".join(kinds) or "none", ", ".join(("list", *DISTRIBUTIONS))
+            raise fault("", "not one kind of values", got, f"one of {expected}")
         if self.name in FUNCTIONS:
             raise fault("name", "is a function of expressions", self.name, "another name")
         kind = self.distribution
-        if kind:
-            self._check(kind, getattr(self, kind))
-        cut = self.low is not None or self.high is not None
-        if cut and kind not in ("normal", "log_normal"):
-            raise fault("low" if self.low is not None else "high", "cuts off nothing", kinds[0],
-                        "normal or log_normal")  # fmt: skip
-        if self.low is not None and self.high is not None and not self.low < self.high:
-            raise fault("high", "isn't above low", self.high, f"> {self.low:g}")
+        first, second = getattr(self, kind) if kind else (1.0, 2.0)
+        low, high = self.low, self.high
+        for key, wrong, problem, expected in (
+            (kind, kind.startswith("log") and not first > 0, "has no logarithm", "numbers above 0"),
+            (kind, kind.endswith("uniform") and not first < second, "isn't a range",
+             "the smaller number, then the larger one"),
+            (kind, kind.endswith("normal") and not second > 0, "has no width",
+             "a standard deviation above 0"),
+            ("high" if low is None else "low", not kind.endswith("normal")
+             and (low is not None or high is not None), "cuts off nothing", "normal or log_normal"),
+            ("high", low is not None and high is not None and not low < high, "isn't above low",
+             "more"),
+        ):  # fmt: skip
+            if wrong:
+                raise fault(key, problem, getattr(self, key), expected)
         return self
-
-    @staticmethod
-    def _check(kind: str, pair: tuple[float, float]) -> None:
-        first, second = pair
-        if kind in _POSITIVE and not first > 0:
-            raise fault(kind, "has no logarithm", pair, "numbers above 0")
-        if kind.endswith("uniform") and not first < second:
-            raise fault(kind, "isn't a range", pair, "the smaller number, then the larger one")
-        if kind.endswith("normal") and not second > 0:
-            raise fault(kind, "has no width", pair, "a standard deviation above 0")
 
 
 class DerivedTable(Table):
@@ -162,7 +158,8 @@ class StudyTable(Table):
     """What follows from it."""
     constraint: Annotated[tuple[ConstraintTable, ...], Listed()] = ()
     """What samples have to fulfil."""
-
+    budget: BudgetTable | None = None
+    """Of the scene's measurements the uncertainty, in place of parameters."""
     dataset: DatasetTable | None = None
     """A data set that is made of the samples' pictures and truth."""
 
@@ -173,6 +170,10 @@ class StudyTable(Table):
 
     @model_validator(mode="after")
     def _together(self) -> Self:
+        varied = self.parameter or self.derived or self.constraint or self.rows
+        if self.budget is not None and (varied or self.repeats > 1):
+            expected = "a study without parameters, rows and repeats"
+            raise fault("budget", "draws by itself", "both", expected)
         if bool(self.drawn) != (self.samples is not None):
             expected = (
                 "a number of points" if self.drawn else "none where nothing has a distribution"
@@ -206,8 +207,11 @@ class Study:
     truth: bool = False
 
 
-def load_study(path: str | PathLike[str], backend: str | None = None) -> Study:
+def load_study(
+    path: str | PathLike[str], backend: str | None = None, *, budget: bool = False
+) -> Study:
     """Read and check a study file, and the scene that it names; ``backend``: in place of its own.
+    ``budget``: the file is a scene, whose uncertainty budget the study is.
 
     Raises SceneError with every fault of the tables, or of the scene; InputError for a scene that
     has variants.
@@ -226,7 +230,8 @@ def load_study(path: str | PathLike[str], backend: str | None = None) -> Study:
     """
     place = Path(path)
     try:
-        text = read_input(place, "a study file").text("TOML in UTF-8")
+        text = toml_text({"scene": place.name, "budget": {}}) if budget else (
+            read_input(place, "a study file").text("TOML in UTF-8"))  # fmt: skip
     except InputError as error:
         raise SceneError(str(place), [unread(error, "file", place)]) from None
     document = parse_toml(text)
@@ -272,12 +277,3 @@ def _schema() -> dict[str, Any]:
 
     whole: dict[str, Any] = plain(schema)
     return whole
-
-
-def expressions(value: Any) -> Iterator[str]:
-    """The texts in a derived value."""
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, list | tuple):
-        for item in value:
-            yield from expressions(item)

@@ -80,6 +80,16 @@ def _pose(camera: m.CameraTable) -> Float | None:
     return pose
 
 
+def unsteady(camera: m.CameraTable, first: Camera) -> Camera:
+    """The camera as it stands after the ``first`` frame."""
+    from scipy.spatial.transform import Rotation
+
+    motion = np.eye(4)  # of the camera, along its own axes
+    motion[:3, :3] = Rotation.from_rotvec(camera.turned or np.zeros(3)).as_matrix()
+    motion[:3, 3] = camera.moved or np.zeros(3)
+    return replace(first, camera_from_world=np.linalg.inv(motion) @ first.camera_from_world)
+
+
 def _calibrated(camera: m.CameraTable, path: str, read: Reader) -> Camera:
     which = camera.calibration_camera
     where = f"camera {camera.name!r} calibration {path}"

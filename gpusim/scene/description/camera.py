@@ -23,7 +23,7 @@ from gpusim.scene.tables.table import (
     parallel,
 )
 
-from .lens import LensTable, ShutterTable
+from .lens import LensTable, ShutterTable, TriggerTable
 from .sensor import CameraSensorTable, Gains, SensorTable, merged
 
 PIXEL_SQUARE = 1e-3
@@ -86,6 +86,11 @@ class CameraTable(Table):
     """The same as three rows; camera axes are x right, y down, z forward."""
     translation_mm: Vector | None = None
     """T of X_camera = R X + T."""
+    moved_um: Vector | None = None
+    """Where it stands in all frames after the first, against the first: right, down and forward in
+    its picture; measures and truth don't know."""
+    turned_deg: Vector | None = None
+    """How it is turned in them, a rotation vector along the same axes."""
     principal_point_offset_mm: Pair = (0.0, 0.0)
     """Where the optical axis meets the sensor: right and down from the image's centre."""
     square_pixels: bool = True
@@ -94,6 +99,8 @@ class CameraTable(Table):
     """Without it a pinhole."""
     shutter: ShutterTable | None = None
     """Without it an instant."""
+    trigger: TriggerTable | None = None
+    """Without it frames are at their times."""
     channels: Literal["mono", "rgb"] = "mono"
     """Of its pictures: grey, or red, green and blue."""
     white_balance: Gains | None = None
@@ -130,6 +137,15 @@ class CameraTable(Table):
         if self.rotation_matrix is not None:
             return tuple(value for row in self.rotation_matrix for value in row)
         return self.rotation_vector or ()
+
+    def late(self, frame: int) -> float:
+        """s by which a ``frame`` is exposed after its time."""
+        return 0.0 if self.trigger is None else self.trigger.late(self.name, frame)
+
+    @property
+    def unsteady(self) -> bool:
+        """Whether it doesn't stand in later frames as in the first."""
+        return any(self.moved_um or ()) or any(self.turned_deg or ())
 
     @property
     def electronics(self) -> SensorTable | None:

@@ -115,6 +115,9 @@ class SensorTable(_Electronics):
     """Of the same sensor: pixels keep their offsets and gains, all other noise is new. Variants are
     series 0, 1, 2 … unless they say otherwise."""
 
+    drift_percent: Annotated[float, Field(gt=-100)] | None = None
+    """By how much frames after the first are brighter, as of lamps that drift."""
+
     @model_validator(mode="after")
     def _check(self) -> SensorTable:
         counted = self.preset or self.gain_DN_per_e is not None or self.full_well_e is not None

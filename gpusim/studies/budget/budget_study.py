@@ -1,0 +1,111 @@
+"""A budget as a study: its samples are the scene as it is, each source's draws, and those of all
+sources together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from gpusim._version import __version__
+from gpusim.arrays.array_types import Float
+from gpusim.files.atomic_files import write_text
+from gpusim.files.output_folder import inside
+from gpusim.graph.stage import digest
+from gpusim.optics.calibration.formats import calibration_text
+from gpusim.pipeline.scene_objects.cameras import build_camera
+from gpusim.studies.budget.draws import Overrides, draw, together
+from gpusim.studies.budget.identifiability import remarks
+from gpusim.studies.budget.sources import JOINT, sources_of
+from gpusim.studies.budget.uncertainty import SourceDraws, UncertaintyBudget
+from gpusim.studies.budget_tables import BudgetTable
+from gpusim.studies.samples import Sample
+from gpusim.studies.study_tables import Study
+from gpusim.studies.table import SampleTable
+from gpusim.validation import require
+
+RIG = "budget/rig.yml"  # the cameras as pairs measure with them
+# units of what counts or judges, and what names have that tell how well something is measured
+_NO_QUANTITIES = "1", "px^2"
+_QUALITY = ("RMS", "bias", "deviation", "noise", "resolution", "error", "motion of a static")
+
+
+def budget_samples(study: Study) -> Sequence[Sample]:
+    """The samples of a study's budget. Raises InputError for a source that the scene hasn't got."""
+    tables, base = _tables(study), study.scene
+    where, got = f"budget: scene {base.name!r}", f"{len(base.measures)} measures"
+    require(bool(base.measures), where, got, "a [[measure]]")
+    drawn = draw(base, sources_of(base, tables), tables)
+    whole = {key: value for one in drawn for key, value in one.nominal.items()}
+    rows: list[tuple[str, int, Overrides]] = [("", 0, {})]
+    for name, changes in [*((one.name, one.overrides) for one in drawn), (JOINT, together(drawn))]:
+        rows += [(name, number, change) for number, change in enumerate(changes)]
+    head = digest([__version__, study.backend, base.digest(), tables.calibration])
+    return [
+        Sample(k, 0, {"source": name}, whole | change, digest([head, name, number, whole | change]))
+        for k, (name, number, change) in enumerate(rows)
+    ]
+
+
+def with_rig(study: Study, out: Path) -> Study:
+    """The study of a scene whose pairs measure by the cameras that it describes, whatever becomes
+    of these; writes their file into ``out``."""
+    scene = study.scene
+    if study.tables.budget is None or study.tables.budget.calibration == "scene":
+        return study
+    pairs = [one for one in scene.measures if hasattr(one, "calibration") and len(one.views) == 2]
+    if not pairs:
+        return study
+    path = inside(out, RIG)
+    cameras = [build_camera(one, scene.input) for one in scene.cameras]
+    write_text(path, calibration_text(cameras, "opencv", "mm", str(path)))
+    for spec in pairs:
+        if spec.calibration in (None, "true"):
+            scene = scene.replace(f"measure.{spec.name}.calibration", str(path))
+    return replace(study, scene=scene)
+
+
+def uncertainty_budget(study: Study, table: SampleTable) -> UncertaintyBudget:
+    """The uncertainty by what became of `budget_samples`. Raises InputError where nothing was
+    measured that has a true value."""
+    tables, scene = _tables(study), study.scene
+    quantities = _counted(table)
+    got = next((one for one in table["error"] if one), "no number with a true value")
+    require(bool(quantities), f"budget: scene {scene.name!r}", got, "measured numbers")
+    errors = np.column_stack([table.of(one) for one in quantities])
+
+    def of(source: str) -> Float:
+        return errors[table["source"] == source]
+
+    known = [
+        SourceDraws(one.name, one.parameters, one.values, of(one.name), one.degrees_of_freedom)
+        for one in draw(scene, sources_of(scene, tables), tables)
+    ]
+    told = remarks(scene)
+    failed = int(np.sum(table["status"] != "done"))
+    if failed:
+        told.append(f"{failed} of {len(table)} draws couldn't be measured and don't count.")
+    return UncertaintyBudget(
+        quantities,
+        of("")[0],
+        tuple(known),
+        of(JOINT),
+        coverage=tables.coverage,
+        remarks=tuple(told),
+    )
+
+
+def _tables(study: Study) -> BudgetTable:
+    assert study.tables.budget is not None
+    return study.tables.budget
+
+
+def _counted(table: SampleTable) -> tuple[tuple[str, str], ...]:
+    """Quantities that are measured, not how well, in the first sample."""
+    return tuple(
+        one for one in table.quantities
+        if one[1] not in _NO_QUANTITIES and not any(word in one[0] for word in _QUALITY)
+        and np.isfinite(table.of(one)[0])
+    )  # fmt: skip
