@@ -19,7 +19,7 @@ import pytest
 import tifffile
 
 import gpusim as gs
-from gpusim.errors import GpusimError, InputError, SceneError
+from gpusim.errors import GpusimError
 from gpusim.graph.store import Store
 from gpusim.studies import load_study, samples_of
 from gpusim.studies.dataset import write_dataset
@@ -340,29 +340,6 @@ def test_sequences_have_all_frames_and_kitti_is_rounded(tmp_path: Path) -> None:
             known = np.isfinite(wanted) & np.isfinite(found)
             assert known.sum() > 2000
             assert 1e-3 < np.abs(found - wanted)[known].max() < 1.0 / 128.0 + 1e-5
-
-
-@pytest.mark.parametrize(
-    ("table", "fault"),
-    [
-        ('labels = ["flw"]', "dataset.labels.0"),
-        ("splits = { train = 0.5, test = 0.4 }", "shares don't add up"),
-        ("splits = { train = 1.5, test = -0.5 }", "dataset.splits"),
-        ("crops = 3", "crop_px"),
-        ("crop_px = [0, 4]", "dataset.crop_px.0"),
-        ("shards = 0", "dataset.shards"),
-        ("flow_format = 'exr'", "dataset.flow_format"),
-        (
-            "cameras = ['side']",
-            r"cameras; got \['side'\]; expected some of \['front'\]",
-        ),
-        ("crop_px = [97, 4]", r"crop_px, camera 'front'; got 97 x 4; expected at most 96 x 48"),
-    ],
-)
-def test_bad_tables_are_refused_before_any_work(table: str, fault: str, tmp_path: Path) -> None:
-    head = PARAMETERS.replace("splits = { train = 0.5, val = 0.25, test = 0.25 }\n", "")
-    with pytest.raises((InputError, SceneError), match=fault):
-        load_study(write_study(tmp_path, head + table))
 
 
 def test_results_that_are_gone_are_told(tmp_path: Path) -> None:
