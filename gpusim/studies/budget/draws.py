@@ -72,9 +72,9 @@ def _drawn(
     are drawn by."""
     is_list = isinstance(nominal, list | tuple)
     items = list(nominal) if is_list else [nominal]
-    kinds, expected = (int, float), "a key of the scene with a number or a list of numbers"
-    if own.seeds:
-        kinds, expected = (int,), "a key of the scene with a seed"
+    kinds = (int,) if own.seeds else (int, float)
+    what = "seed" if own.seeds else "number or a list of numbers"
+    expected = f"a key of the scene with a {what}"
     where = f"budget source {own.name!r}: {key}"
     fits = own.choices or (items and all(type(one) in kinds for one in items))
     require(bool(fits), where, repr(nominal), expected)

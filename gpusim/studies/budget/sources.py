@@ -50,7 +50,7 @@ def _common(scene: Scene) -> Iterator[BudgetSourceTable]:
     document = scene.document
 
     def source(name: str, *keys: str, **how: Any) -> BudgetSourceTable:
-        return BudgetSourceTable(name=name, keys=list(keys), **how)
+        return BudgetSourceTable.model_validate({"name": name, "keys": list(keys), **how})
 
     if "noise" in active_effects(document):
         yield source("noise", "sensor.seed", seeds=True)
@@ -74,9 +74,9 @@ def _common(scene: Scene) -> Iterator[BudgetSourceTable]:
         for name, keys, kind, value in _of_camera(camera, size):
             yield source(name, *keys, **{kind: value})
     yield source("light", "sensor.drift_percent", normal=DRIFT, set={"sensor.drift_percent": 0.0})
-    for key, size in (("moved_um", SHAKE_UM), ("turned_deg", SHAKE_DEG)) if cameras else ():
+    for key, shake in (("moved_um", SHAKE_UM), ("turned_deg", SHAKE_DEG)) if cameras else ():
         paths = [f"camera.{camera['name']}.{key}" for camera in cameras]
-        yield source("vibration", *paths, normal=size, set={path: [0.0] * 3 for path in paths})
+        yield source("vibration", *paths, normal=shake, set={path: [0.0] * 3 for path in paths})
     speckled = [
         f"{kind}.{thing['name']}.paint.{paint['name']}.seed"
         for kind in ("body", "prop") for thing in document.get(kind, ())
