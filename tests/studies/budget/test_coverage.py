@@ -88,9 +88,10 @@ def test_intervals_of_a_pair_hold_the_truth() -> None:
     np.testing.assert_allclose(budget.joint_uncertainty, budget.combined, rtol=0.05)
     assert (np.abs(budget.shares.sum(axis=0) - 1.0) < 1e-12).all()
     other = errors(drawn(1024, 2))[:1000]
-    for held in (np.abs(other - budget.bias) <= budget.expanded,
-                 (other >= budget.interval[0]) & (other <= budget.interval[1])):  # fmt: skip
-        assert (np.abs(held.mean(axis=0) - 0.95) <= 0.015).all()
+    held = np.abs(other - budget.bias) <= budget.expanded
+    assert (np.abs(held.mean(axis=0) - 0.95) <= 0.015).all()
+    held = (other >= budget.interval[0]) & (other <= budget.interval[1])  # of 256 draws alone
+    assert (np.abs(held.mean(axis=0) - 0.95) <= 0.025).all()
 
 
 def plate() -> Scene:
