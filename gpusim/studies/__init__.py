@@ -12,6 +12,7 @@ In the order in which data passes:
 - `plan`: What a study would make, before any work.
 - `executors`: Where samples are made: here, in other processes, or on a cluster.
 - `table`: The table of samples: parameters, and every measurement beside the truth.
+- `budget`: The uncertainty budget of a rig: sources drawn one at a time and together.
 - `study`: A study worked off into a folder.
 """
 
