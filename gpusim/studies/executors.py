@@ -93,7 +93,7 @@ class LocalPool:
         env = dict.fromkeys(names, threads)
         if "GPUSIM_ADAPTER" not in os.environ and not software_adapter():
             env["GPUSIM_ADAPTER"] = str(number)
-        return start_pool(1, ("gpusim.studies.batch",), env)
+        return start_pool(1, (), env)
 
     def submit(self, function: Callable[..., Any], *args: Any) -> Future[Any]:
         """Call it where there is least to do."""
