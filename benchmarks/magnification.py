@@ -54,10 +54,10 @@ def magnified(coarse: float, frequency: float, factor: float) -> tuple[float, fl
     """Amplitude over the original one; phase, degrees; share of the points that were found."""
     angle = 2 * np.pi * frequency * TIMES
     frames = film(coarse, DISPLACEMENT * np.sin(angle))
-    pictures = np.array(list(gs.measure.magnify(frames, BAND, factor, rate_Hz=RATE)))
+    pictures = np.array(list(gs.measure.magnify(frames, BAND, factor, rate_Hz=RATE)))[INNER]
     rest = film(coarse, [0.0])[0]
     series = gs.measure.point_series(pictures, POINTS, reference=rest, subset=31)
-    found = series.displacement[INNER][:, series.ok, 0]
+    found = series.displacement[:, series.ok, 0]
     terms = np.stack([np.sin(angle), np.cos(angle), np.ones_like(angle)], axis=1)[INNER]
     if not found.size:
         return np.nan, np.nan, 0.0

@@ -109,6 +109,7 @@ if _typing.TYPE_CHECKING:
     from gpusim.optics import AreaLight as AreaLight
     from gpusim.optics import Camera as Camera
     from gpusim.optics import EnvironmentLight as EnvironmentLight
+    from gpusim.optics import Flicker as Flicker
     from gpusim.optics import Frame as Frame
     from gpusim.optics import Lens as Lens
     from gpusim.optics import PointLight as PointLight
@@ -163,8 +164,8 @@ _HOMES = {
     "gpusim.gpu": "Device",
     "gpusim.mesh": "Mesh mesh_cad read_mesh",
     "gpusim.optics": (
-        "AmbientLight AreaLight Camera EnvironmentLight Frame Lens PointLight Sensor Shutter "
-        "SpotLight SunLight Truth Vignetting blackbody photograph psf render"
+        "AmbientLight AreaLight Camera EnvironmentLight Flicker Frame Lens PointLight Sensor "
+        "Shutter SpotLight SunLight Truth Vignetting blackbody photograph psf render"
     ),
     "gpusim.optics.calibration.calibration_files": "write_calibration_files",
     "gpusim.optics.calibration.formats": "read_calibration write_calibration",

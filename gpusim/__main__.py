@@ -17,8 +17,6 @@ def main() -> int:
         return command_line()
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done and said
-        if "gpusim.parallel.processes" in sys.modules:
-            sys.modules["gpusim.parallel.processes"].stop()
 
 
 if __name__ == "__main__":

@@ -17,6 +17,8 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Float
 
 State = tuple[float, ...]
+ALL = -1.0
+"""In place of the number of an `Oscillation`'s motion: all of them at once."""
 
 
 class Motion(Protocol):
@@ -79,8 +81,16 @@ class Stepped:
         return {tuple(state): number for number, state in enumerate(self.states)}
 
 
+class _Unloaded:
+    """A motion whose forces aren't known."""
+
+    def reactions(self, state: State) -> Float:
+        """None."""
+        return np.zeros((0, 3))
+
+
 @dataclass(frozen=True, eq=False)
-class Given:
+class Given(_Unloaded):
     """Another program's displacements ``at`` a time, (N, 3) m."""
 
     at: Callable[[float], Float]
@@ -90,15 +100,12 @@ class Given:
         (time,) = state
         return self.at(time)
 
-    def reactions(self, state: State) -> Float:
-        """None."""
-        return np.zeros((0, 3))
-
 
 @dataclass(frozen=True, eq=False)
-class Oscillation:
-    """Motions of one frequency each, of which a state names one by its number and says what share
-    of its period has passed: ``rest`` + Re(amplitude exp(2 pi i share)).
+class Oscillation(_Unloaded):
+    """Motions of one frequency each, of which a state names one by its number, or `ALL`, and says
+    what share of its period, and what time after that (s, 0 if it isn't said), has passed: ``rest``
+    + Re(amplitude exp(2 pi i (share + frequency time))), summed over `ALL`.
 
     ``amplitudes`` (n, N, 3) m, complex where nodes aren't in phase, and ``frequencies`` (n,) Hz, by
     ``numbers`` (n,) > 0; with the number 0 nothing moves. ``rest`` (N, 3) m: where.
@@ -111,35 +118,36 @@ class Oscillation:
 
     def displacement(self, state: State) -> Float:
         """(N, 3) m."""
-        return np.asarray(self.rest + self._part(state, 1.0))
+        return np.asarray(self.rest + self._part(state, 0))
 
     def velocity(self, state: State) -> Float:
         """(N, 3) m/s."""
-        return self._part(state, 2j * np.pi * self.frequency(state))
+        return self._part(state, 1)
 
     def later(self, state: State, seconds: float) -> State:
-        """The same motion in another phase."""
-        number, share = state
-        return number, share + seconds * self.frequency(state)
+        """The same motion at another time."""
+        number, share, *past = state
+        return number, share, seconds + sum(past)
 
     def frequency(self, state: State) -> float:
-        """Hz; 0 where nothing moves."""
-        return float(self.frequencies[self._place(state)]) if state[0] else 0.0
+        """Hz; 0 where nothing moves, or all do."""
+        return float(self.frequencies[self._places(state)[0]]) if state[0] > 0 else 0.0
 
-    def reactions(self, state: State) -> Float:
-        """None."""
-        return np.zeros((0, 3))
+    def _part(self, state: State, derivative: int) -> Float:
+        total = np.zeros_like(self.rest)
+        for place in self._places(state):
+            frequency, amplitude = self.frequencies[place], self.amplitudes[place]
+            share = state[1] + sum(state[2:]) * frequency
+            # a quarter of a period is one: nothing moves by what is rounded off
+            turned = np.round(np.exp(2j * np.pi * share), 15)
+            turned *= (2j * np.pi * frequency) ** derivative
+            total += turned.real * amplitude.real - turned.imag * amplitude.imag
+        return total
 
-    def _part(self, state: State, factor: complex) -> Float:
-        if not state[0]:
-            return np.zeros_like(self.rest)
-        # a quarter of a period is one: nothing moves by what is rounded off
-        turned = factor * np.round(np.exp(2j * np.pi * state[1]), 15)
-        amplitude = self.amplitudes[self._place(state)]
-        return np.asarray(turned.real * amplitude.real - turned.imag * amplitude.imag)
-
-    def _place(self, state: State) -> int:
-        return list(self.numbers).index(int(state[0]))
+    def _places(self, state: State) -> Sequence[int]:
+        if state[0] == ALL:
+            return range(len(self.numbers))
+        return [list(self.numbers).index(int(state[0]))] if state[0] else []
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +176,7 @@ class Course:
 
 
 @dataclass(frozen=True, eq=False)
-class Transient:
+class Transient(_Unloaded):
     """A motion in time; a state is an instant. ``course``: of the nodes (N, 3) m, or of the
     amplitudes (n,) of ``shapes`` (n, N, 3), of which the first m may be modes, ``natural`` (2, m):
     their frequencies (Hz) and shares of critical damping."""
@@ -188,10 +196,6 @@ class Transient:
     def later(self, state: State, seconds: float) -> State:
         """Another instant."""
         return (state[0] + seconds,)
-
-    def reactions(self, state: State) -> Float:
-        """None."""
-        return np.zeros((0, 3))
 
     def _at(self, state: State) -> tuple[Float, Float]:
         u, v = self.course.at(state[0])

@@ -17,7 +17,7 @@ import numpy.typing as npt
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))  # its sources, not those of a wheel that is installed
 
-from gallery_examples import exposures, maps  # noqa: E402
+from gallery_examples import exposures, maps, vibrating  # noqa: E402
 from gallery_shapes import FACE, SQUARE, ball, box, sheet, turned_body  # noqa: E402
 
 import gpusim as gs  # noqa: E402
@@ -30,6 +30,7 @@ OUT = ROOT / "docs" / "gallery"
 SIZE = (720, 480)
 LARGEST = 200_000
 """Bytes of a picture."""
+LARGEST_FILM = 1_000_000
 
 HALOGEN, DAYLIGHT = gs.blackbody(2856), gs.blackbody(6500)
 # The ColorChecker's 24 patches, sRGB of 8 bits (published by its makers).
@@ -363,17 +364,25 @@ PICTURES: dict[str, Callable[[], Picture]] = {
     "yard_hidden": lambda: yard(True),
     "pinhole": lambda: depth_of_field(None),
     "f1.4": lambda: depth_of_field(1.4),
+    "vibration": lambda: cv2.merge(3 * vibrating("shaker_plate", 12.0, (720, 540), 0.3)[-1:]),
     "still": lambda: wheel(None),
     "motion": lambda: wheel(gs.Shutter(3e-3)),
 }
 
 
+FILMS = {"vibration": lambda: vibrating("shaker_plate", 12.0, (320, 240), 1.0)}
+
+
 def main(names: list[str]) -> None:
-    """Render and write the pictures named, or all."""
+    """Render and write the pictures and films named, or all."""
     if unknown := [name for name in names if name not in PICTURES]:
         sys.exit(f"gallery: got {', '.join(unknown)}; expected some of {', '.join(PICTURES)}")
     OUT.mkdir(exist_ok=True)
     for name in names or PICTURES:
+        if name in FILMS:
+            path = gs.write_video(OUT / f"{name}.gif", FILMS[name](), frame_rate=20.0)
+            assert path.stat().st_size < LARGEST_FILM, f"{path}: {path.stat().st_size} bytes"
+            print(f"wrote {path.relative_to(ROOT)}")
         path = OUT / f"{name}.jpg"
         image = np.ascontiguousarray(PICTURES[name]()[..., ::-1])
         cv2.imwrite(str(path), image, [cv2.IMWRITE_JPEG_QUALITY, 85])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -15,6 +16,7 @@ from gpusim.report.html import fitting
 
 ROOT = Path(__file__).resolve().parent.parent
 MAPS_SIZE = 1000, 760  # at most
+PHASES = 16
 Picture = npt.NDArray[np.uint8]
 """Red, green, blue, by the curve of sRGB."""
 
@@ -27,6 +29,24 @@ def maps(
     with tempfile.TemporaryDirectory() as folder:
         work(gs.load_scene(ROOT / "examples" / f"{example}.toml"), folder)
         return small(Path(folder, "figures", figure), part)
+
+
+def vibrating(example: str, amplitude_mm: float, size: tuple[int, int], part: float) -> list[Any]:
+    """Pictures (H, W), one after the other, of an example in its lowest mode: a ``part`` of a
+    period, that a whole one can be played again and again."""
+    document = gs.load_scene(ROOT / "examples" / f"{example}.toml").document
+    del document["camera"][0]["shutter"], document["video"]
+    document["camera"][0]["resolution_px"] = [*size]
+    modal = {"type": "modal", "count": 1, "amplitude_mm": amplitude_mm}
+    with tempfile.TemporaryDirectory() as folder:
+        shape = gs.Scene.from_document({**document, "analysis": modal, "camera": []})
+        rate = max(one["frequency_Hz"] or 0.0 for one in gs.run(shape, folder).modes)
+    document["analysis"] = modal | {"duration_s": (part - 0.5 / PHASES) / rate}
+    document["video"] = {"frame_rate_Hz": PHASES * rate}
+    (camera,) = (one["name"] for one in document["camera"])
+    with tempfile.TemporaryDirectory() as folder:
+        gs.run(gs.Scene.from_document(document), folder)
+        return list(gs.read_video(Path(folder, "video", f"{camera}.mkv")))
 
 
 def exposures(example: str, camera: str, width: int) -> Picture:

@@ -10,6 +10,7 @@ Its modules:
 - `decks`: The steps of an input deck solved.
 - `field_scene`: The scene of a displacement file alone.
 - `identification`: Modes identified in a video, and what was found written.
+- `tracking`: Markers and points followed through a video, or a pair of them.
 - `magnification`: A video in which the motions of some frequencies are larger.
 """
 
@@ -26,6 +27,7 @@ from gpusim.applications.identification import IdentificationOutput as Identific
 from gpusim.applications.identification import IdentificationSettings as IdentificationSettings
 from gpusim.applications.identification import identify_files as identify_files
 from gpusim.applications.magnification import magnify_files as magnify_files
+from gpusim.applications.tracking import track_files as track_files
 from gpusim.public_names import public_names as _public_names
 
 __all__, __getattr__, __dir__ = _public_names(__name__)

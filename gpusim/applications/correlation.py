@@ -61,8 +61,9 @@ def correlate_files(
 ) -> CorrelationOutput:
     """Measure how pictures moved against the first one; write tables, maps and ``report.html``.
 
-    Each picture has its ``<number>_<name>.csv`` (or other formats) and ``<number>_<name>.png``.
-    Pictures are read one at a time. All but the pictures is checked before the first is measured.
+    Each picture has its ``<number>_<name>.csv`` (or other formats) and ``<number>_<name>.png``; of
+    more than 100 pictures 25 maps are drawn. Pictures are read one at a time. All but the pictures
+    is checked before the first is measured.
 
     Parameters
     ----------
@@ -95,20 +96,20 @@ def correlate_files(
             first, name = read_still(reference), str(reference)
         lens = None
         if settings.calibration is not None:
-            (lens,) = _cameras(settings, settings.calibration, [first.shape], "calibration")
-        options, notes = _prepared(first, name, settings)
+            (lens,) = cameras_of(settings, settings.calibration, [first.shape], "calibration")
+        options, notes = prepared(first, name, settings)
         pictures = {"deformed": frames}
         written = ResultWriter(Path(output), first, pictures, notes, settings.formats, progress)
 
         def keep(number: int, result: DicResult) -> None:
             found: StrainResult | None = None
-            result, flat = (result, result) if lens is None else _undistorted(result, lens)
+            result, flat = (result, result) if lens is None else undistorted(result, lens)
             if settings.strain != "none":
                 found = strain(flat, window=settings.strain_window, kind=settings.strain)
             written.add(number, result, found, keep=keep_results)
 
         progress("dic", 0.0, f"{len(frames)} images")
-        images = _alike(frames, first.shape, name)
+        images = alike(frames, first.shape, name)
         motion = _motion_options(settings)
         dic_sequence(first, images, progress=keep, keep_results=False, **options, **motion)
         return written.finished()
@@ -122,6 +123,7 @@ def correlate_pairs(
     settings: CorrelationSettings = USUAL,
     *,
     progress: Progress = silent,
+    keep_results: bool = True,
 ) -> CorrelationOutput:
     """Measure a surface in space from pairs of pictures, the reference pair first; lengths are mm.
 
@@ -132,6 +134,7 @@ def correlate_pairs(
     lefts, rights : pictures of the two cameras, as ``read_frames`` takes them.
     rig : calibration file of both cameras.
     output, settings, progress : as in ``correlate_files``.
+    keep_results : return them all; False: the first one alone.
 
     Raises
     ------
@@ -162,8 +165,8 @@ def correlate_pairs(
                 f"lefts, rights: got {len(one)} and {len(two)} pictures; expected pairs"
             )
         left, right = one[0], two[0]
-        cameras = _cameras(settings, rig, [left.shape, right.shape], "rig")
-        options, notes = _prepared(left, one.names[0], settings)
+        cameras = cameras_of(settings, rig, [left.shape, right.shape], "rig")
+        options, notes = prepared(left, one.names[0], settings)
         notes["stereo"] = str(rig)
         moved = len(one) > 1
         pictures = {"left": one[1:], "right": two[1:]} if moved else {"left": one, "right": two}
@@ -174,22 +177,21 @@ def correlate_pairs(
             if settings.strain != "none" and moved:
                 kind: Any = settings.strain
                 found = surface_strain(result, window=settings.strain_window, kind=kind)
-            written.add(number, result, found)
+            written.add(number, result, found, keep=keep_results or number == 0)
 
         progress("dic", 0.0, f"{len(one)} pairs")
         if moved:
-            lefts = _alike(one[1:], left.shape, one.names[0])
-            rights = _alike(two[1:], right.shape, two.names[0])
+            lefts = alike(one[1:], left.shape, one.names[0])
+            rights = alike(two[1:], right.shape, two.names[0])
             options |= _motion_options(settings)
-            stereo_dic(
-                left, right, lefts, rights, (cameras[0], cameras[1]), progress=keep, **options
-            )
+            options |= {"progress": keep, "keep_results": False}
+            stereo_dic(left, right, lefts, rights, (cameras[0], cameras[1]), **options)
         else:
             keep(0, stereo_shape(left, right, (cameras[0], cameras[1]), **options))
         return written.finished(stand_off_warnings(Path(rig), cameras, written.results))
 
 
-def _prepared(
+def prepared(
     first: npt.NDArray[Any], name: str, settings: CorrelationSettings
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Arguments of every correlation with the picture ``first`` as its reference, and what reports
@@ -208,7 +210,7 @@ def _motion_options(settings: CorrelationSettings) -> dict[str, Any]:
     return {name: getattr(settings, name) for name in names}
 
 
-def _undistorted(result: DicResult, lens: CalibratedCamera) -> tuple[DicResult, MappedResult]:
+def undistorted(result: DicResult, lens: CalibratedCamera) -> tuple[DicResult, MappedResult]:
     """The result with the lens undone, at its places in the picture; and where they really are."""
     flat = mapped(result, lens_mapping(lens))
     own = replace(
@@ -221,7 +223,7 @@ def _undistorted(result: DicResult, lens: CalibratedCamera) -> tuple[DicResult, 
     return own, flat
 
 
-def _cameras(
+def cameras_of(
     settings: CorrelationSettings, path: PathLike, shapes: Sequence[tuple[int, ...]], argument: str
 ) -> list[CalibratedCamera]:
     """The cameras of pictures of such ``shapes``, from a file."""
@@ -229,7 +231,7 @@ def _cameras(
     return cameras_in_file(f"`{argument}`: {path}", path, sizes, unit=settings.calibration_unit)
 
 
-def _alike(
+def alike(
     frames: FrameSource, shape: tuple[int, ...], reference: str
 ) -> Iterator[npt.NDArray[Any]]:
     """The pictures; InputError for one that isn't of the reference's size: then the same pixel

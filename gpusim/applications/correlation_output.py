@@ -28,6 +28,7 @@ from gpusim.validation import checked
 
 Progress = Callable[[str, float, str], None]
 _SCHEMA = 1
+LONG, FEW = 100, 25  # pictures: of more than so many, maps of so few are drawn, the last among them
 UNSAID = ("formats", "backend")
 """Settings that a report doesn't repeat; and words for those that aren't made."""
 MISSING = {
@@ -99,7 +100,7 @@ class CorrelationOutput:
     >>> settings = gs.applications.CorrelationSettings(step=20, backend="numpy")
     >>> flat = np.full((1, 120, 160), 90, np.uint8)
     >>> gs.applications.correlate_files("before.png", flat, "flat", settings).failure
-    'dic: no point could be measured in frame 0; flat/report.html says why'
+    'no point could be measured in frame 0; flat/report.html says why'
     """
 
     results: Sequence[DicResult | StereoResult]
@@ -112,7 +113,7 @@ class CorrelationOutput:
     def failure(self) -> str:
         """Which pictures have no point measured; "" if all have."""
         empty = unmeasured(self.report["images"])
-        text = f"dic: no point could be measured in {empty}; {self.files[-1]} says why"
+        text = f"no point could be measured in {empty}; {self.files[-1]} says why"
         return text if empty else ""
 
 
@@ -145,30 +146,46 @@ class ResultWriter:
         keep: bool = True,
     ) -> None:
         """Write the result of the pictures of a ``number``, found since the last one."""
-        seconds = time.perf_counter() - self.since
+        row = self.sum_up(number, result, strains)
         files = {side: frames.names[number] for side, frames in self.pictures.items()}
         picture, frames = next(iter(files.values())), next(iter(self.pictures.values()))
         stem = f"{number + 1:04d}_{safe_name(Path(picture).stem)}"
         tables = [inside(self.folder, f"{stem}.{suffix}") for suffix in self.formats]
+        taken = {name: row[name] for name in ("time_s",) if name in row}
         for path in tables:
-            write_correlation(path, result, strains, self.settings | files)
-        figure = draw_maps(self.reference, result, strains, inside(self.folder, f"{stem}.png"))
-        row = summary(picture, result, strains, seconds)
-        taken = float(frames.times[number])
-        self.rows.append(row if np.isnan(taken) else row | {"time_s": taken})
-        names = [Path(name).name for name in files.values()]
-        self.figures.append(replace(figure, frame=", ".join(names)))
-        self.files += [*tables, figure.path]
+            write_correlation(path, result, strains, self.settings | files | taken)
+        self.files += tables
+        names, count = [Path(name).name for name in files.values()], len(frames)
+        if (count - 1 - number) % (1 if count <= LONG else -(-count // FEW)) == 0:
+            figure = draw_maps(self.reference, result, strains, inside(self.folder, f"{stem}.png"))
+            self.figures.append(replace(figure, frame=", ".join(names)))
+            self.files.append(figure.path)
         if keep:
             self.results.append(result)
             self.strains.append(strains)
         self.progress("dic", (number + 1) / len(frames), f"{names[0]}: {row['measured']} measured")
         self.since = time.perf_counter()
 
+    def sum_up(
+        self, number: int, result: DicResult | StereoResult, strains: StrainResult | None
+    ) -> dict[str, Any]:
+        """The row of the pictures of a ``number``, found since the last one."""
+        frames, since = next(iter(self.pictures.values())), self.since
+        self.since = time.perf_counter()
+        row = summary(frames.names[number], result, strains, self.since - since)
+        taken = float(frames.times[number])
+        self.rows.append(row if np.isnan(taken) else row | {"time_s": taken})
+        return self.rows[-1]
+
     def finished(self, warnings: Sequence[str] = ()) -> CorrelationOutput:
         """All of it, with report.json and report.html of all results."""
         rows, settings, folder = self.rows, self.settings, self.folder
-        warnings = [*warnings, *(note for each in self.pictures.values() for note in each.notes)]
+        for frames in self.pictures.values():
+            warnings = [
+                *warnings,
+                *frames.notes,
+                *[frames.times_guessed] * bool(frames.times_guessed),
+            ]
         report = {"schema": _SCHEMA, "version": __version__, "settings": settings, "images": rows,
                   "warnings": list(warnings)}  # fmt: skip
         tables = [path for path in self.files if path.suffix != ".png"]

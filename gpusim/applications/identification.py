@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import cv2
 import numpy as np
 
 from gpusim._version import __version__
@@ -24,15 +25,13 @@ from gpusim.measure import OperationalModes, PointSeries, grid_points, identify_
 from gpusim.measure.correlation.matching import Status
 from gpusim.measure.images import Image, check_image
 from gpusim.measure.vibration.identification import Excitation, Identification, identifiable_band
+from gpusim.measure.vibration.operational_modes import amplitudes
 from gpusim.measure.vibration.point_series import DisplacementMethod
-from gpusim.report.style import MEASURED, axis_title, draw_png
+from gpusim.report import Overlay
+from gpusim.report.figures import draw_overlay
 from gpusim.validation import Count, Positive, checked
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Canvas
-
-ARROW = 0.1  # of the picture's longer side: the greatest component of a shape,
-LONGEST_SIDES = 2.0  # which counts as no more than so many times the shorter one
+OTHERS, MOST_SIGMA = 8, 0.05  # pictures that tell the noise; px, of points of a grid
 SCHEMA = 1
 
 
@@ -138,7 +137,7 @@ def identify_files(
         source = timed(video, settings.rate_Hz)
         identifiable_band(source.times, settings.band_Hz, settings.method, settings.excitation)
         first = check_image(source[0], source.names[0])
-        points = _points(first, settings)
+        points = _points(source, first, settings)
 
         def measured(number: int, displacement: Float) -> None:
             done, text = (number + 1) / len(source), f"frame {number + 1} of {len(source)}"
@@ -162,20 +161,49 @@ def identify_files(
             write_text(inside(folder, "modes.csv"), _table(_mode_columns(modes))),
             write_text(inside(folder, "shapes.csv"), _table(_shape_columns(modes))),
             _write_hdf5(inside(folder, "modes.h5"), series, modes, report),
-            *(_draw(inside(folder, f"mode_{k + 1}.png"), first, modes, k)
-              for k in range(len(modes.damping))),
+            *_drawn(folder, first, series, modes),
             write_text(inside(folder, "report.json"), json.dumps(report, indent=2) + "\n"),
         ]  # fmt: skip
         return IdentificationOutput(series, modes, report, files)
 
 
-def _points(first: Image, settings: IdentificationSettings) -> Float:
+def _points(source: FrameSource, first: Image, settings: IdentificationSettings) -> Float:
+    """Those of a grid that show where they are by more than noise, if there are any."""
     if settings.points is not None:
         return np.asarray(settings.points, dtype=np.float64)
     height, width = first.shape
     x0, y0, x1, y1 = settings.roi or (0, 0, width - 1, height - 1)
     step = max((max(x1 - x0, y1 - y0) + 1 - settings.subset) // max(settings.grid - 1, 1), 1)
-    return grid_points(first.shape, subset=settings.subset, step=step, roi=settings.roi)
+    places = grid_points(first.shape, subset=settings.subset, step=step, roi=settings.roi)
+    others = [source[int(k)] for k in np.linspace(1, len(source) - 1, OTHERS)]
+    shown = _expected_sigma(first, others, places, settings.subset) <= MOST_SIGMA
+    return places[shown] if shown.any() else places
+
+
+def _expected_sigma(first: Image, others: list[Image], points: Float, subset: int) -> Float:
+    """(P,) px, standard uncertainty of a shift in the direction which a subset shows worst: noise
+    over slopes that are more than noise. Noise is the least of what changes from the first picture
+    to ``others``, and of what is rough in the first (Immerkær 1996): motion changes pictures, fine
+    texture is rough."""
+    column, row = points.T.astype(np.int64)
+    grey = np.asarray(first, dtype=np.float64)
+
+    def mean(values: Float) -> Float:
+        return np.asarray(cv2.blur(values, (subset, subset))[row, column])
+
+    changes: list[Float] = [grey - other for other in others if other.shape == grey.shape]
+    mixed = np.outer([1, -2, 1], [1, -2, 1]) / np.sqrt(18.0)
+    rough: Float = np.asarray(cv2.filter2D(grey, -1, mixed), dtype=np.float64)
+    spreads = [mean(one * one) - mean(one) ** 2 for one in [*changes, rough]]
+    noise = np.min(spreads, axis=0) / 2
+    down, across = (np.asarray(one, dtype=np.float64) for one in np.gradient(grey))
+    xx, yy, xy = (
+        mean(one * other) for one, other in ((across, across), (down, down), (across, down))
+    )
+    least = (xx + yy) / 2 - np.hypot((xx - yy) / 2, xy) - noise / 2  # of noise's own slopes
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sigma = np.sqrt(noise / least) / subset
+    return np.where(least > 0, sigma, np.where(noise > 0, np.inf, 0.0))
 
 
 def _lost(series: PointSeries) -> dict[str, int]:
@@ -233,6 +261,16 @@ def _table(columns: Mapping[str, Float]) -> str:
     return "\n".join([",".join(columns), *lines]) + "\n"
 
 
+def _drawn(
+    folder: Path, first: Image, series: PointSeries, modes: OperationalModes
+) -> Iterator[Path]:
+    """Each shape as arrows over the first picture."""
+    sizes = amplitudes(modes.shapes, series.displacement[:, series.ok])
+    for number, (size, shape) in enumerate(zip(sizes, modes.shapes, strict=True), 1):
+        overlay = Overlay(f"mode {number}", first, modes.points, size * shape)
+        yield draw_overlay(overlay, inside(folder, f"mode_{number}.png")).path
+
+
 def _write_hdf5(
     path: Path, series: PointSeries, modes: OperationalModes, report: Mapping[str, Any]
 ) -> Path:
@@ -241,41 +279,15 @@ def _write_hdf5(
         "points": (series.points, "px"),
         "displacement": (series.displacement, "px"),
         "status": (series.status, "1"),
-        "modes/frequency": (modes.frequency_Hz, "Hz"),
-        "modes/frequency_sigma": (modes.frequency_sigma_Hz, "Hz"),
-        "modes/damping": (modes.damping, "1"),
-        "modes/damping_sigma": (modes.damping_sigma, "1"),
+        **{f"modes/{name.removesuffix('_Hz')}": (values, "Hz" if name.endswith("_Hz") else "1")
+           for name, values in _mode_columns(modes).items()},
         "modes/points": (modes.points, "px"),
         "modes/shapes": (modes.shapes, "1"),
         "modes/shape_sigma": (modes.shape_sigma, "1"),
-    }
+    }  # fmt: skip
     with atomic_path(path) as part, writing_hdf5(part) as file:
         for name, (values, unit) in arrays.items():
             file.create_dataset(name, data=values, compression="gzip").attrs["unit"] = unit
         file.attrs["frame"] = "pixels of the first picture, x right, y down"
         file.attrs.update({k: v for k, v in report.items() if isinstance(v, str | int | float)})
-    return path
-
-
-def _draw(path: Path, picture: Image, modes: OperationalModes, number: int) -> Path:
-    """A shape as arrows over the picture, in both of its extremes."""
-    height, width = picture.shape
-    longest = ARROW * min(max(height, width), LONGEST_SIDES * min(height, width))
-    place, shape = modes.points, longest * modes.shapes[number]
-
-    def draw(canvas: Canvas) -> None:
-        axes = canvas.subplots()
-        axes.imshow(picture, cmap="gray", interpolation="nearest")
-        for sign, alpha in ((1, 1.0), (-1, 0.35)):
-            axes.quiver(
-                *place.T, *(sign * shape).T, angles="xy", scale_units="xy", scale=1,
-                color=MEASURED, alpha=alpha, width=0.003,
-            )  # fmt: skip
-        axes.set_xlim(-0.5, width - 0.5)
-        axes.set_ylim(height - 0.5, -0.5)
-        axes.set_axis_off()
-        hertz, share = modes.frequency_Hz[number], 100 * modes.damping[number]
-        axis_title(axes, f"mode {number + 1}: {hertz:.4g} Hz, damping {share:.3g} %")
-
-    draw_png(path, (7.2, 7.2 * min(max(height / width, 0.25), 1.5) + 0.4), draw)
     return path

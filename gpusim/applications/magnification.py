@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from gpusim.applications.correlation_output import Progress, silent
 from gpusim.applications.identification import timed
 from gpusim.errors import require
-from gpusim.export.video import WRITERS, VideoSink
+from gpusim.export.video import DEPTHS, WRITERS, VideoSink
 from gpusim.files.atomic_files import PathLike
 from gpusim.files.frame_source import VIDEOS, Frames, FrameSource
 from gpusim.files.output_folder import inside
 from gpusim.measure import magnify
 from gpusim.measure.vibration.sampling import sampling_rate
+
+PREVIEWS = (".mp4", ".gif")  # of 8 bits, as bright as the depth of a film's first picture allows
 
 
 def magnify_files(
@@ -47,8 +51,13 @@ def magnify_files(
     require(suffix not in VIDEOS.keys() - WRITERS.keys(), "output", path.name, expected)
     if suffix not in WRITERS:
         path = inside(path, "*.png")
-    pictures = magnify(source, band_Hz, factor)
-    with VideoSink(path, frame_rate=sampling_rate(source.times)) as sink:
+    pictures, bits = magnify(source, band_Hz, factor), None
+    if suffix in PREVIEWS:
+        brightest = source[0].max()
+        bits = next((depth for depth in DEPTHS if brightest < 1 << depth), DEPTHS[-1])
+        most = brightest.dtype.type((1 << bits) - 1)
+        pictures = (np.minimum(one, most) for one in pictures)
+    with VideoSink(path, frame_rate=sampling_rate(source.times), bits=bits) as sink:
         for number, (picture, time) in enumerate(zip(pictures, source.times, strict=True)):
             sink.append(picture, float(time))
             progress("magnify", (number + 1) / len(source), f"frame {number + 1} of {len(source)}")

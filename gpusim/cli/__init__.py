@@ -1,4 +1,4 @@
-"""The command line: ``gpusim run | solve | dic | calibrate | view | plan | schema | doctor`` …
+"""The command line: ``gpusim run | solve | dic | track | calibrate | plan | schema | doctor`` …
 
 Exit codes: 0 good, 1 unexpected, 2 bad scene or usage, 3 not converged, 4 no usable adapter or
 device lost, 5 twin mismatch, 130 interrupted. Heavy modules are imported by the command that needs
@@ -14,6 +14,7 @@ The other commands are below. Its modules:
 - `keys`: Tables and keys of the scene file, for ``gpusim schema``.
 - `measuring`: ``gpusim dic`` and ``gpusim calibrate``.
 - `vibration`: ``gpusim identify`` and ``gpusim magnify``.
+- `tracking`: ``gpusim track``.
 - `rendering`: ``gpusim render``.
 - `study`: ``gpusim study``.
 - `view`: ``gpusim view``.
@@ -64,6 +65,7 @@ from gpusim.cli.tables import (
     print_plan,
     print_report,
 )
+from gpusim.cli.tracking import track
 from gpusim.cli.vibration import identify, magnify
 from gpusim.cli.view import view
 from gpusim.errors import Fault, InputError, NotConverged, SceneError
@@ -276,6 +278,7 @@ def solve(
 
 
 app.command()(dic)
+app.command()(track)
 app.command()(calibrate)
 app.command()(identify)
 app.command()(magnify)

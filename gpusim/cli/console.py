@@ -50,11 +50,8 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")
 
 @contextmanager
 def starting(output: Path, backend: Backend) -> Iterator[None]:
-    """Begin with what a run into ``output`` will need, while the block reads and imports the rest:
-    a process that draws figures, and what an earlier run has asked the device for."""
-    from gpusim.report import prepare_figures
-
-    prepare_figures()
+    """Begin with what an earlier run into ``output`` has asked the device for, while the block
+    reads and imports the rest."""
     if backend == "numpy":
         yield
         return

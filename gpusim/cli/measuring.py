@@ -30,7 +30,7 @@ from gpusim.errors import InputError, NotConverged, require
 
 if TYPE_CHECKING:
     from gpusim import measure
-    from gpusim.applications import CorrelationSettings
+    from gpusim.applications import CorrelationOutput, CorrelationSettings
 
 Board = Literal["chessboard", "charuco"]
 
@@ -220,7 +220,14 @@ def _correlate(
                 pictures[0], pictures[1:], output, settings, progress=progress, keep_results=False
             )
         else:
-            done = correlate_pairs(lefts, rights, stereo, output, settings, progress=progress)
+            done = correlate_pairs(
+                lefts, rights, stereo, output, settings, progress=progress, keep_results=False
+            )
+    tell(done, output, quiet, as_json)
+
+
+def tell(done: CorrelationOutput, output: Path, quiet: bool, as_json: bool) -> None:
+    """Print what was measured; NotConverged if nothing was in a picture."""
     text = json.dumps(done.report, indent=2)
     finish(text, as_json, quiet, partial(print_correlation, done.report, output))
     if done.failure:
@@ -234,7 +241,7 @@ def _advise(picture: Path, output: Path | None, as_json: bool, **options: Any) -
     finish(json.dumps(report, indent=2), as_json, False, partial(print_advice, report, output))
 
 
-OPTIONS = {"formats": "format", "rig": "stereo"}
+OPTIONS = {"formats": "format", "rig": "stereo", "points": "point", "markers_px": "markers"}
 """Options that have another name than the argument of the application."""
 
 
@@ -256,6 +263,17 @@ def _pairs(files: list[Path]) -> tuple[list[Path], list[Path]]:
     expected = "pairs: LEFT_REF RIGHT_REF LEFT_1 RIGHT_1 …"
     require(len(files) % 2 == 0, "--stereo", f"{len(files)} pictures", expected)
     return files[::2], files[1::2]
+
+
+def numbers_of(option: str, text: str, expected: str, count: int = 2) -> Any:
+    """So many numbers with commas between."""
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) != count:
+        raise InputError(f"{option}: got {text!r}; expected {expected}")
+    return values
 
 
 def roi_of(text: str | None) -> tuple[int, int, int, int] | None:

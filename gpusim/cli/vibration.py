@@ -20,9 +20,8 @@ from gpusim.cli.console import (
     importing,
     out,
 )
-from gpusim.cli.measuring import Region, options_named, roi_of
+from gpusim.cli.measuring import Region, numbers_of, options_named, roi_of
 from gpusim.cli.tables import print_rows
-from gpusim.errors import InputError
 
 Video = Annotated[
     Path, typer.Argument(metavar="VIDEO", help="A video, a folder of pictures, a TIFF stack.")
@@ -68,11 +67,11 @@ def identify(
     with exit_codes(), options_named():
         with importing():
             from gpusim.applications import IdentificationSettings, identify_files
-        places = [_two("--point", one, "X,Y in pixels") for one in points or []]
+        places = [numbers_of("--point", one, "X,Y in pixels") for one in points or []]
         settings = IdentificationSettings(
             points=places or None, grid=grid, roi=roi_of(roi), displacements=displacements,
             subset=subset, rate_Hz=rate_hz, modes=modes, method=method, excitation=excitation,
-            band_Hz=None if band is None else _two("--band", band, "LOW,HIGH in Hz"),
+            band_Hz=None if band is None else numbers_of("--band", band, "LOW,HIGH in Hz"),
         )  # fmt: skip
         with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
             done = identify_files(video, output, settings, progress=progress)
@@ -100,30 +99,24 @@ def magnify(
     with exit_codes(), options_named():
         with importing():
             from gpusim.applications import magnify_files
-        limits = _two("--band", band, "LOW,HIGH in Hz")
+        limits = numbers_of("--band", band, "LOW,HIGH in Hz")
         with ProgressDisplay(quiet, stream_is_result=False) as progress:
             path = magnify_files(video, output, limits, factor, rate_Hz=rate_hz, progress=progress)
         if not quiet:
             out(f"{path}")
 
 
-def _two(option: str, text: str, expected: str) -> tuple[float, float]:
-    try:
-        first, second = (float(part) for part in text.split(","))
-    except ValueError:
-        raise InputError(f"{option}: got {text!r}; expected {expected}") from None
-    return first, second
-
-
 def _print_modes(report: Mapping[str, Any], folder: Path) -> None:
-    rows: list[tuple[str, ...] | str] = [("mode", "Hz", "+-", "damping %", "+-")]
+    from gpusim.report.text import uncertain
+
+    rows: list[tuple[str, ...] | str] = [("mode", "frequency Hz", "damping %")]
     for one in report["modes"]:
-        share, sigma = 100 * one["damping"], 100 * one["damping_sigma"]
-        hertz = (f"{one['frequency_Hz']:.4f}", f"{one['frequency_sigma_Hz']:.4f}")
-        rows.append((str(int(one["mode"])), *hertz, f"{share:.3f}", f"{sigma:.3f}"))
+        hertz = uncertain(one["frequency_Hz"], one["frequency_sigma_Hz"])
+        share = uncertain(100 * one["damping"], 100 * one["damping_sigma"])
+        rows.append((str(int(one["mode"])), hertz, share))
     lost = "".join(f", {count} {reason}" for reason, count in report["lost"].items())
     out(f"{report['measured']} of {report['points']} points in {report['frames']} frames{lost}")
-    print_rows(rows, "<" + ">" * 4)
+    print_rows(rows, "<>>")
     for text in report["warnings"]:
         out(f"warning: {text}")
     out(f"\nTables and shapes: {folder}")

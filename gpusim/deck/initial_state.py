@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator
 from functools import cache
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gpusim.arrays.array_types import Float, Int, Long
-from gpusim.deck.materials import Body
+from gpusim.deck.materials import FROM_ABAQUS, Body
 from gpusim.errors import InputError
-from gpusim.fem import Material
 from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.elements.isoparametric_map import add_to
 from gpusim.fem.elements.strain import internal_force, point_stress
-from gpusim.mesh import Mesh
 from gpusim.mesh.formats.abaqus.cards import Card, number, whole
 from gpusim.mesh.quadrature import cell_rule
 from gpusim.mesh.shape_functions import shape_functions
 from gpusim.validation import require
 
-# CalculiX gives xx yy zz xy xz yz, we have xx yy zz xy yz zx.
-_ORDER = [0, 1, 2, 3, 5, 4]
+if TYPE_CHECKING:
+    from gpusim.deck.deck import Deck
 
 
 class InitialStress:
@@ -44,7 +42,7 @@ class InitialStress:
         expected = "element, integration point (or none: all), six stresses"
         for where, row in card.records(7, 8, expected, counted=True):
             cells = self.body.labelled.cell_index(self.body.content.cells_named(row[0], where))
-            stress = np.array([number(text, where) for text in row[-6:]])[_ORDER]
+            stress = np.array([number(text, where) for text in row[-6:]])[FROM_ABAQUS]
             point = whole(row[1], where) if len(row) == 8 else None
             self._set(cells, point, stress, where)
 
@@ -100,20 +98,7 @@ class InitialMotion:
 _CHUNK = 8192
 
 
-class Elastic(Protocol):
-    """What has stresses: a deck, or its body while it is read."""
-
-    @property
-    def mesh(self) -> Mesh: ...
-    @property
-    def materials(self) -> Sequence[Material]: ...
-    @property
-    def material_of_cell(self) -> Int: ...
-    @property
-    def formulation(self) -> Mapping[str, str]: ...
-
-
-def temperature_forces(body: Elastic, change: Float) -> Float:
+def temperature_forces(body: Body | Deck, change: Float) -> Float:
     """(N,3) nodal forces of the change of temperature ``change`` (N,) at the nodes."""
     forces = np.zeros((body.mesh.node_count, 3))
     for kind, cells, held in _stresses(body, np.zeros_like(forces), change):
@@ -123,7 +108,7 @@ def temperature_forces(body: Elastic, change: Float) -> Float:
     return forces
 
 
-def point_stresses(body: Elastic, u: Float, change: Float | None) -> dict[str, Float]:
+def point_stresses(body: Body | Deck, u: Float, change: Float | None) -> dict[str, Float]:
     """Cell type -> (M,Q,6) stress of ``u`` (N,3) at the points of its rule, xx yy zz xy yz zx."""
     found: dict[str, list[Float]] = {}
     for kind, _, stress in _stresses(body, u, change):
@@ -131,7 +116,9 @@ def point_stresses(body: Elastic, u: Float, change: Float | None) -> dict[str, F
     return {kind: np.concatenate(parts) for kind, parts in found.items()}
 
 
-def _stresses(body: Elastic, u: Float, change: Float | None) -> Iterator[tuple[str, Int, Float]]:
+def _stresses(
+    body: Body | Deck, u: Float, change: Float | None
+) -> Iterator[tuple[str, Int, Float]]:
     """Cell type, some cells (C,k) of it, and their stress (C,Q,6), chunk by chunk."""
     moduli = np.stack([one.stiffness() for one in body.materials])
     expansion = np.stack([one.expansion_strain() for one in body.materials])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -18,10 +17,9 @@ from gpusim.fem import (
     Material,
     Rayleigh,
     SaintVenantKirchhoff,
-    Update,
 )
-from gpusim.fem.materials.cauchy_green import tensor_components
 from gpusim.fem.materials.linear_elasticity import LinearElasticity
+from gpusim.fem.materials.saint_venant_kirchhoff import GreenLagrangeElasticity
 from gpusim.fem.materials.symmetric_tensors import strain_congruence
 from gpusim.mesh import Mesh
 from gpusim.mesh.file_content.coordinate_systems import Frame
@@ -31,7 +29,7 @@ from gpusim.mesh.formats.abaqus.reader import LabelledMesh
 from gpusim.validation import require
 
 # Abaqus orders stress 11 22 33 12 13 23, we xx yy zz xy yz zx.
-_FROM_ABAQUS = np.array([0, 1, 2, 3, 5, 4])
+FROM_ABAQUS = np.array([0, 1, 2, 3, 5, 4])
 _CONSTANTS = {
     "ISO": (2, "E, nu"),
     "ORTHO": (9, "D1111, D1122, D2222, D1133, D2233, D3333, D1212, D1313, D2323"),
@@ -61,15 +59,8 @@ class Anisotropic(LinearElasticity):
 
 
 @dataclass(frozen=True, eq=False)
-class AnisotropicSaintVenantKirchhoff(Anisotropic):
+class AnisotropicSaintVenantKirchhoff(GreenLagrangeElasticity, Anisotropic):
     """The same between second Piola-Kirchhoff stress and Green-Lagrange strain."""
-
-    finite_strain: ClassVar[bool] = True
-
-    def update(self, strain: Float, state: Float | None, *, moduli: bool) -> Update:
-        """Stress linear in the strain (…,6); moduli (6,6), the same everywhere; no state."""
-        tensor_components(strain)  # refuses what no body can have
-        return super().update(strain, state, moduli=moduli)
 
 
 @dataclass(frozen=True, eq=False)
@@ -344,7 +335,7 @@ def _finished(material: _Material, name: str, axes: Float | None, where: str) ->
 
 def _swapped(matrix: Float) -> Float:
     """Between Abaqus' order of components and ours; the swap is its own inverse."""
-    return np.asarray(matrix[np.ix_(_FROM_ABAQUS, _FROM_ABAQUS)])
+    return np.asarray(matrix[np.ix_(FROM_ABAQUS, FROM_ABAQUS)])
 
 
 def _symmetric(values: Float) -> Float:

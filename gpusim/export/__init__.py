@@ -8,6 +8,7 @@ Its modules:
 - `video`: Video out: frames go to a sink one by one.
 - `meshes`: Surfaces as STL, solids and results as VTU.
 - `layers`: The truth layers: what each one holds, and how it is stored.
+- `columns`: Columns of a table as CSV and Parquet.
 - `truth`: truth.h5: the exact fields behind every pixel.
 - `body_state`: A body in one frame, from which its fields follow.
 - `field_catalogue`: All fields of bodies, truth and measurements by name: title, unit, values.

@@ -23,6 +23,7 @@ from gpusim.printable import printable
 
 FORMATS = ("csv", "npz", "h5")
 UNITS = {name: one.unit for fields in (PICTURE, SPACE, STRAIN) for name, one in fields.items()}
+UNITS |= {"time": "s"}
 PICTURE_FRAME = "pixels of the reference image, x right, y down"
 RIG_FRAME = "x, y: pixels of the left picture; X, Y, Z: left camera, x right, y down, z forward"
 
@@ -57,9 +58,24 @@ def write_correlation(
     if strain is not None:
         notes |= {"strain": strain.kind, "strain_gauge_px": strain.gauge_px}
     notes |= dict(attributes or {})
+    return write_columns(path, result_columns(result, strain), notes, frame_of(result))
+
+
+def frame_of(result: DicResult | StereoResult) -> str:
+    """What the lengths of a result's columns count from."""
+    return RIG_FRAME if isinstance(result, StereoResult) else PICTURE_FRAME
+
+
+def write_columns(
+    path: PathLike,
+    columns: Mapping[str, npt.NDArray[Any]],
+    notes: Mapping[str, str | float | int],
+    frame: str,
+) -> Path:
+    """Write columns by their names, as `write_correlation` does; ``frame``: of lengths."""
     # names of files among them
     notes = {k: printable(v) if isinstance(v, str) else v for k, v in notes.items()}
-    columns, target = result_columns(result, strain), Path(path)
+    target = Path(path)
     suffix = target.suffix.lower().lstrip(".")
     if suffix == "csv":
         return _write_csv(target, columns, notes)
@@ -77,7 +93,7 @@ def write_correlation(
                 data = file.create_dataset(name, data=values, compression="gzip")
                 data.attrs["unit"] = unit_of(name)
             file.attrs["status_names"] = [str(name) for name in names]
-            file.attrs["frame"] = RIG_FRAME if isinstance(result, StereoResult) else PICTURE_FRAME
+            file.attrs["frame"] = frame
             file.attrs.update(notes)
         return target
     raise InputError(f"{target}: unknown format; expected a name ending in one of {FORMATS}")
@@ -94,7 +110,7 @@ def csv_names(columns: Iterable[str]) -> list[str]:
 
 
 def _write_csv(
-    path: Path, columns: dict[str, npt.NDArray[Any]], notes: Mapping[str, str | float | int]
+    path: Path, columns: Mapping[str, npt.NDArray[Any]], notes: Mapping[str, str | float | int]
 ) -> Path:
     """Comment lines, names, rows."""
     texts: list[list[str]] = []

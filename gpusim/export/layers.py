@@ -52,6 +52,8 @@ _ROWS = (
      "planar depth: z along the optical axis, not the length of the ray"),
     ("flow", 2, "float32", "px", "image (x right, y down)",
      "from this pixel to where its material point is in the reference (undeformed) frame"),
+    ("forward_flow", 2, "float32", "px", "image (x right, y down)",
+     "from this pixel of frame 0 to where its material point is in this frame", "Lagrangian"),
     ("normal", 3, "float32", "1", "world",
      "unit outward normal of the deformed surface"),
     ("region", 1, "int32", "1", "index",

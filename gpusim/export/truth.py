@@ -158,7 +158,7 @@ class TruthWriter:
     ) -> None:
         """Write u (N, 3) float64 m of one step; the mesh must have been written.
 
-        ``when`` says what the step is: load_factor, time, phase_deg, or mode.
+        ``when`` says what the step is: load_factor, time, phase_deg, or mode; and time_s.
         """
         require("mesh" in self._file, "nodal displacement", "no mesh", "write_mesh before")
         _check("displacement", displacement, self._file["mesh/points"].shape)
@@ -175,8 +175,11 @@ class TruthWriter:
         K: Float,
         camera_from_world: Float,
         distortion: Float | Sequence[float] = (),
+        line_time: float = 0.0,
+        exposure_time: float = 0.0,
     ) -> None:
-        """Write a camera: K (3, 3) px, camera_from_world (3, 4) or (4, 4) m, OpenCV distortion."""
+        """Write a camera: K (3, 3) px, camera_from_world (3, 4) or (4, 4) m, OpenCV distortion; how
+        long a row is exposed, and how much later the next one is (s)."""
         what, pose_what = f"camera {name!r}", f"camera {name!r}: camera_from_world"
         require(min(width, height) >= 1, what, f"{width} x {height} px", "1 or more")
         shape = camera_from_world.shape
@@ -187,7 +190,8 @@ class TruthWriter:
         coefficients = np.asarray(distortion, np.float64).reshape(-1)
         _check(f"{what}: distortion", coefficients, (None,))
         group = self._file.create_group(f"camera/{safe_name(name)}")
-        group.attrs["width"], group.attrs["height"] = width, height
+        group.attrs.update(width=width, height=height, line_time_s=line_time,
+                           exposure_time_s=exposure_time)  # fmt: skip
         group.create_dataset("K", data=K).attrs["unit"] = "px"
         pose = group.create_dataset("camera_from_world", data=full)
         pose.attrs.update(unit="m", frame="camera: x right, y down, z forward")

@@ -1,7 +1,4 @@
-"""Video out: frames go to a sink one by one, and are in a file when the sink is closed.
-
-Whoever makes frames sees a `FrameSink` alone: ``append`` and ``close``.
-"""
+"""Video out: frames go to a sink one by one, and are in a file when the sink is closed."""
 
 from __future__ import annotations
 
@@ -11,7 +8,7 @@ from contextlib import ExitStack
 from functools import partial
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -41,17 +38,7 @@ WRITERS: dict[str, Callable[[Path, Take, ExitStack], Writer]] = {
     ".png": PictureWriter,
     ".tif": PictureWriter,
 }
-_DEPTHS = (8, 10, 12, 14, 16)
-
-
-class FrameSink(Protocol):
-    """Where frames go, as `files.frame_source.FrameSource` is where they come from."""
-
-    def append(self, image: Image, time: float) -> None:
-        """Add a frame (H, W) or (H, W, 3), uint8 or uint16, that was taken at ``time``, s."""
-
-    def close(self) -> None:
-        """All frames are there: the file gets its name."""
+DEPTHS = (8, 10, 12, 14, 16)
 
 
 @unmasked()
@@ -96,7 +83,7 @@ class VideoSink:
         suffix = self.path.suffix.lower()
         known = suffix in WRITERS
         require(known, f"video: {path}", f"suffix {suffix!r}", ", ".join(WRITERS))
-        require(bits is None or bits in _DEPTHS, "bits", bits, f"one of {_DEPTHS}")
+        require(bits is None or bits in DEPTHS, "bits", bits, f"one of {DEPTHS}")
         self._stack = ExitStack()
         self._writer: Writer | None = None
         self._times: list[float] = []
@@ -159,7 +146,7 @@ class VideoSink:
         known = picture and image.size > 0 and image.dtype in (np.uint8, np.uint16)
         got = f"shape {image.shape}, {image.dtype}"
         require(known, f"video: {self.path}", got, "(H, W) or (H, W, 3), uint8 or uint16")
-        self._take = Take(image, time, self.frame_rate, self.bits or 8 * image.itemsize)
+        self._take = Take(image, float(time), self.frame_rate, self.bits or 8 * image.itemsize)
         return WRITERS[self.path.suffix.lower()](self.path, self._take, self._stack)
 
 

@@ -58,6 +58,8 @@ class FrameSource(Sequence[Image]):
     times_guessed : how they were guessed, of a video that says no more than the rate at which it is
         played; "" if they weren't.
     notes : what else is to be known of the files: that one is cut off.
+    line_time : s from one row's exposure to the next's, of a rolling shutter, ``times`` being those
+        of the first row; 0 if nobody said.
 
     Examples
     --------
@@ -73,8 +75,9 @@ class FrameSource(Sequence[Image]):
         times: Float,
         times_guessed: str = "",
         notes: Sequence[str] = (),
+        line_time: float = 0.0,
     ) -> None:
-        self._frames, self.names, self.times = frames, names, times
+        self._frames, self.names, self.times, self.line_time = frames, names, times, line_time
         self.times_guessed, self.notes = times_guessed, tuple(notes)
 
     def __len__(self) -> int:
@@ -88,7 +91,8 @@ class FrameSource(Sequence[Image]):
         """One picture, read; or part of the series, not read yet."""
         if isinstance(number, slice):
             frames, names, times = self._frames[number], self.names[number], self.times[number]
-            return FrameSource(frames, names, times, self.times_guessed, self.notes)
+            known = self.times_guessed, self.notes, self.line_time
+            return FrameSource(frames, names, times, *known)
         frame = self._frames[number]
         return frame() if callable(frame) else frame
 
@@ -136,7 +140,7 @@ def read_frames(source: Frames | FrameSource, times: npt.ArrayLike | None = None
     known = real_numbers(times, "read_frames times")
     if known.shape != (len(frames),):
         raise InputError(f"times: got shape {known.shape}; expected ({len(frames)},), one a frame")
-    return FrameSource(frames._frames, frames.names, known, notes=frames.notes)
+    return FrameSource(frames._frames, frames.names, known, "", frames.notes, frames.line_time)
 
 
 def _joined(parts: Any) -> FrameSource:
@@ -146,6 +150,7 @@ def _joined(parts: Any) -> FrameSource:
     times: list[float] = []
     guesses: list[str] = []
     notes: list[str] = []
+    line_time = 0.0
     for part in parts:
         if isinstance(part, np.ndarray):
             names.append(f"frame {len(frames)}")
@@ -158,9 +163,10 @@ def _joined(parts: Any) -> FrameSource:
             times += list(files.times)
             guesses += [files.times_guessed] * bool(files.times_guessed)
             notes += files.notes
+            line_time = files.line_time
         else:
             raise InputError(f"frames: got {part!r}; expected a file, a folder or an array")
-    return FrameSource(frames, names, np.array(times), "; ".join(guesses), notes)
+    return FrameSource(frames, names, np.array(times), "; ".join(guesses), notes, line_time)
 
 
 def _grey(frames: FrameSource, number: int) -> Image:
@@ -204,16 +210,18 @@ def read_video(path: str | os.PathLike[str]) -> FrameSource:
     file, page = picture_file(path)
     read = VIDEOS.get(file.suffix.lower())
     if read is None or file.is_dir():
-        times = read_times(file, np.arange(len(paths))) if page is None else None
+        table = read_times(file, np.arange(len(paths))) if page is None else None
+        times, line_time = table or (np.full(len(paths), np.nan), 0.0)
         names, frames = [str(one) for one in paths], [partial(read_stored, one) for one in paths]
-        return FrameSource(frames, names, np.full(len(paths), np.nan) if times is None else times)
+        return FrameSource(frames, names, times, line_time=line_time)
     found = read(file)
     count = len(found.times)
     names = [f"{file}#{number + 1}" for number in range(count)]
     frames = [partial(found.frame, number) for number in range(count)]
-    written = read_times(file, np.arange(count) if found.numbers is None else found.numbers)
-    times, guess = (found.times, found.times_guessed) if written is None else (written, "")
-    video = FrameSource(frames, names, times, guess, found.notes)
+    table = read_times(file, np.arange(count) if found.numbers is None else found.numbers)
+    times, line_time = table or (found.times, 0.0)
+    guess = "" if table else found.times_guessed
+    video = FrameSource(frames, names, times, guess, found.notes, line_time)
     if page is None:
         return video
     require(1 <= page <= count, f"video: {file}", f"frame {page}", f"1 to {count}")

@@ -56,8 +56,9 @@ def write_times(path: Path, times: Sequence[float], line_time: float = 0.0) -> P
     return write_text(times_file(path), "\n".join([",".join(COLUMNS), *rows]) + "\n")
 
 
-def read_times(path: Path, numbers: npt.NDArray[np.int64]) -> Float | None:
-    """The times of frames that a table beside ``path`` gives; None without such a table.
+def read_times(path: Path, numbers: npt.NDArray[np.int64]) -> tuple[Float, float] | None:
+    """The times of frames that a table beside ``path`` gives, and from row to row; None without
+    such a table.
 
     Raises InputError for a damaged table, or one of fewer frames; of a video that was cut off it
     has more.
@@ -73,8 +74,9 @@ def read_times(path: Path, numbers: npt.NDArray[np.int64]) -> Float | None:
     require(len(table) > count, f"{file}", got, f"{count}, one a frame of {path.name}")
     try:
         times = np.array([float(table[1 + number][1]) for number in numbers.tolist()])
-        if np.isfinite(times).all() and (np.diff(times) > 0).all():
-            return times
+        line_time = float(table[1][2])
+        if np.isfinite([*times, line_time]).all() and (np.diff(times) > 0).all():
+            return times, line_time
     except (ValueError, IndexError):
         pass
     raise InputError(f"{file}: damaged; got times that aren't numbers, or don't grow")

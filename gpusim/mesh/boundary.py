@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -19,17 +19,8 @@ from gpusim.mesh.quadrature import face_rule
 from gpusim.mesh.shape_functions import FACE_TYPES, shape_gradients
 from gpusim.validation import require, unmasked
 
-
-class Cells(Protocol):
-    """What faces need of a `gpusim.mesh.Mesh`, which checks its own."""
-
-    @property
-    def points(self) -> Float: ...
-    @property
-    def node_count(self) -> int: ...
-    @property
-    def cell_count(self) -> int: ...
-    def blocks(self) -> Iterator[tuple[str, int, Int]]: ...
+if TYPE_CHECKING:
+    from gpusim.mesh.mesh import Mesh
 
 
 @unmasked()
@@ -151,7 +142,7 @@ class Faces:
         return np.stack([self.cell, self.local], axis=1)
 
 
-def boundary_faces(mesh: Cells) -> Faces:
+def boundary_faces(mesh: Mesh) -> Faces:
     """The faces that belong to exactly one cell.
 
     Raises InputError where a face belongs to three or more cells (overlapping cells), or where
@@ -172,7 +163,7 @@ def boundary_faces(mesh: Cells) -> Faces:
     return found
 
 
-def _boundary(mesh: Cells) -> Faces:
+def _boundary(mesh: Mesh) -> Faces:
     corners, pairs = all_faces(mesh)
     order, start, count = matched(corners, mesh.node_count)
     crowded = np.flatnonzero(count > 2)
@@ -217,7 +208,7 @@ def matched(corners: Int, node_count: int) -> tuple[Long, ...]:
 
 
 @unmasked()
-def set_faces(mesh: Cells, pairs: npt.ArrayLike) -> Faces:
+def set_faces(mesh: Mesh, pairs: npt.ArrayLike) -> Faces:
     """Faces for (K,2) pairs (global cell number, local face number).
 
     Examples
@@ -251,7 +242,7 @@ def check_range(what: str, numbers: npt.NDArray[np.integer], count: int) -> None
         raise InputError(f"{what} out of range; got {got}; expected 0 … {count - 1}")
 
 
-def _width(mesh: Cells) -> int:
+def _width(mesh: Mesh) -> int:
     """Columns of `Faces.nodes`: as many as the mesh's richest face has nodes."""
     return max(int(CELL_TYPES[kind].faces.shape[1]) for kind, _, rows in mesh.blocks() if len(rows))
 
@@ -260,7 +251,7 @@ NO_NODE = np.int32(2**31 - 1)
 """Where a triangle has no fourth corner: greater than every node number."""
 
 
-def all_faces(mesh: Cells) -> tuple[Int, Int]:
+def all_faces(mesh: Mesh) -> tuple[Int, Int]:
     """Corners (A,4) and pairs (A,2), cell and local face, of every face of every cell."""
     corners: list[Int] = []
     pairs: list[Int] = []

@@ -7,15 +7,19 @@ that are bad, by number.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.field_summary import field_summary
-from gpusim.mesh.boundary import Cells, boundary_faces
+from gpusim.mesh.boundary import boundary_faces
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.quadrature import FULL_POINTS, cell_rule
 from gpusim.mesh.shape_functions import reference_nodes, shape_gradients
+
+if TYPE_CHECKING:
+    from gpusim.mesh.mesh import Mesh
 
 # Cells looked at together: their temporaries stay in the cache.
 CELLS_IN_CACHE = 8192
@@ -142,7 +146,7 @@ class Quality:
         return text
 
 
-def mesh_quality(mesh: Cells) -> Quality:
+def mesh_quality(mesh: Mesh) -> Quality:
     """Scaled Jacobian, aspect ratio and distortion of every cell.
 
     Examples
@@ -172,7 +176,7 @@ def mesh_quality(mesh: Cells) -> Quality:
     return Quality(jacobian, aspect, distortion, bricks, _gaps(mesh))
 
 
-def _gaps(mesh: Cells) -> Long:
+def _gaps(mesh: Mesh) -> Long:
     """Cells with a boundary quadrilateral that has three corners with a boundary triangle."""
     if len({CELL_TYPES[kind].linear for kind, _, _ in mesh.blocks()}) == 1:
         return np.zeros(0, dtype=np.int64)

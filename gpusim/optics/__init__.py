@@ -15,8 +15,7 @@ In the order in which data passes:
 - `truth`: Ground truth per pixel, at the pixel's centre and unfiltered, in float64.
 - `frame`: A rendered frame: linear radiance (on the device until somebody asks) and its ground
   truth.
-- `change_detection`: Whether an image must be the same as one before, from what has moved between
-  the two.
+- `change_detection`: Whether an image must be the same as one before, as nothing has moved.
 - `rendering`: One frame, from view to radiance.
 - `lens`: Point spread, depth of field, vignetting, exposure.
 - `sensor`: Grey values from radiance.
@@ -30,6 +29,7 @@ from gpusim.optics.lens.shutter import Shutter as Shutter
 from gpusim.optics.lens.thin_lens import Lens as Lens
 from gpusim.optics.lens.thin_lens import Vignetting as Vignetting
 from gpusim.optics.light.blackbody import blackbody as blackbody
+from gpusim.optics.light.flicker import Flicker as Flicker
 from gpusim.optics.light.lights import AmbientLight as AmbientLight
 from gpusim.optics.light.lights import AreaLight as AreaLight
 from gpusim.optics.light.lights import EnvironmentLight as EnvironmentLight

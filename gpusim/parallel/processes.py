@@ -1,15 +1,10 @@
-"""Work in other processes: guarded calls, copies of this process, and a pool for figures.
+"""Work in other processes: guarded calls, and copies of this process.
 
 - `call_in_child`: a call of a native library that may die, hang or take all memory on a damaged
   file, in an interpreter of its own. It protects from accidents; it is no sandbox.
 - `in_copies`: the same work for several items in forked copies of this process, which have all
   that was set up without sending it, in a few milliseconds. Python lets one thread of a process
   run at a time, and work of many short array operations gains nothing from threads.
-- `prepare`, `begin`: calls in a pool (loky) beside this process, which keeps the device busy.
-
-loky, because a pool of `multiprocessing` that spawns runs the caller's script in each process,
-which without ``if __name__ == "__main__"`` begins the whole run anew; one that forks copies a
-process whose driver has threads and holds a device.
 """
 
 from __future__ import annotations
@@ -27,13 +22,10 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Future
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
-from functools import partial
 from importlib import import_module
 from multiprocessing.connection import Connection
-from typing import Any, Generic, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from gpusim.errors import GpusimError, InputError
 from gpusim.parallel.machine import limited, memory_limit, processors
@@ -43,8 +35,6 @@ R = TypeVar("R")
 
 CHILD_SECONDS = 600.0
 """Time limit of `call_in_child`, unless the caller says another."""
-MAX_HELPERS = 1
-"""Processes of the pool: a second one imports for longer than it draws."""
 _ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 _CHILD = (
     "import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "
@@ -277,27 +267,10 @@ def _serve_copy(
 
 # a pool beside this process
 
-_pool: Any = None  # loky's ProcessPoolExecutor
-
-
-def prepare(*modules: str) -> None:
-    """Start the pool, unless it is there or there is one core, and let it import modules.
-
-    Without a pool `begin` calls a function where it is.
-    """
-    global _pool
-    if _pool is None and processors() > 1 and sys.executable and not hasattr(sys, "frozen"):
-        count = min(MAX_HELPERS, processors())
-        # a backend for screens that isn't there is no reason not to draw files
-        _pool = start_pool(count, modules, {**_ONE_BLAS_THREAD, "MPLBACKEND": "agg"})
-        with _interrupts_held():
-            for _ in range(count):
-                _pool.submit(os.getpid)
-
 
 def start_pool(count: int, modules: Sequence[str], env: Mapping[str, str]) -> Any:
     """An executor (loky's) of ``count`` processes that import ``modules`` and end with this one."""
-    import loky  # takes 0.1 s, and few programs draw reports
+    import loky  # takes 0.1 s, and few programs need it
     from loky.backend import resource_tracker
 
     # it would list the semaphores of a caller that was killed, and cleans them up all the same
@@ -308,41 +281,6 @@ def start_pool(count: int, modules: Sequence[str], env: Mapping[str, str]) -> An
         return loky.ProcessPoolExecutor(
             count, initializer=_begin_helper, initargs=(os.getpid(), modules), env=dict(env)
         )
-
-
-def stop() -> None:
-    """End the pool, whatever it is at: who ends this process needn't wait for it."""
-    global _pool
-    helpers = () if _pool is None else tuple(_pool._processes.values())
-    _pool = None
-    for helper in helpers:
-        helper.terminate()
-
-
-def begin(function: Callable[P, R], *args: P.args, **options: P.kwargs) -> Call[R]:
-    """Begin with a call whose function, arguments and result can be pickled.
-
-    Ask what it returns for its ``result()``.
-    """
-    elsewhere = None
-    if _pool is not None:
-        with suppress(RuntimeError):  # it is gone
-            elsewhere = _pool.submit(_in_folder, os.getcwd(), function, args, options)
-    return Call(partial(function, *args, **options), elsewhere)
-
-
-@dataclass(frozen=True)
-class Call(Generic[R]):
-    """A call in the pool; made here when its result is asked for, if the pool is gone."""
-
-    here: Callable[[], R]
-    elsewhere: Future[R] | None
-
-    def result(self) -> R:
-        if self.elsewhere is not None:
-            with suppress(BrokenExecutor, pickle.PicklingError):
-                return self.elsewhere.result()
-        return self.here()
 
 
 def _begin_helper(caller: int, modules: Sequence[str]) -> None:
@@ -356,18 +294,3 @@ def _end_without(caller: int) -> None:
     while os.getppid() == caller:
         time.sleep(0.5)
     os._exit(1)
-
-
-def _in_folder(folder: str, function: Callable[..., Any], args: Any, options: Any) -> Any:
-    os.chdir(folder)  # which relative names belong to
-    return function(*args, **options)
-
-
-def _forget_pool() -> None:
-    """In a copy of this process its pool, and the threads that wait for it, aren't there."""
-    global _pool
-    _pool = None
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_forget_pool)

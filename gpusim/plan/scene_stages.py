@@ -95,11 +95,14 @@ def _pictures(build: StageBuilder, camera: str, motions: Needs) -> Iterator[Stag
     # neighbours tell how things move while the shutter is open, but for what is known at any time
     told = scene.analysis.vibrates and not any(prop.poses for prop in scene.props)
     wide = spec.shutter is not None and rate is not None and not told
+    flickers = any(light.flicker is not None for light in scene.lights)
     rows, moved = [], []
-    for number in range(len(frames)):
+    for number, instant in enumerate(frames):
         near = frames.near(number, wide)
         shown = [frames.shown(one) for one in near]
-        row = [shown, near.index(number), (near[-1] - near[0]) / (rate or 1.0), board]
+        between = (near[-1] - near[0]) / (rate or 1.0)
+        when = spec.late(number), instant.time if flickers else None
+        row = [shown, near.index(number), between, board, *when]
         alike = build.options.skip and not spec.unsteady  # equal frames are one
         rows.append(row if alike else [*row, number])
         moved.append(not all(one.unloaded for one in shown))
@@ -153,6 +156,11 @@ def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iter
     )
     if output.truth and scene.cameras:
         yield from _truth(build, motions)
+    if output.labels and scene.cameras:
+        board = scene.calibration.board if scene.calibration else ""
+        sections = ["camera", "analysis", "body.*.paint", "prop.still"]
+        yield build.stage("labels", "labels:labels", sections, whole, [[board, *table]], "export",
+                          keeps=True)  # fmt: skip
     yield from _films(build)  # which are there even where nothing can be measured in them
     for spec in scene.measures:
         yield from _measured(build, spec, whole, table)
@@ -247,7 +255,7 @@ def _skipped(build: StageBuilder, stages: Sequence[Stage]) -> dict[str, str]:
         "truth": "no [[camera]]" if output.truth else f"{_NONE}: [output] truth is empty",
         "measure": f"{_NONE}: no [[measure]]",
         "stress": still if output.stress else f"{_NONE}: [output] stress is false",
-        "export": f"{_NONE}: neither vtu, stl nor calibration in [output], no [video]",
+        "export": f"{_NONE}: neither vtu, stl, labels nor calibration in [output], no [video]",
     }
     there = {stage.public(0).split("/")[0] for stage in stages if len(stage.rows)}
     return {kind: reasons[kind] for kind in PUBLIC if kind not in there}

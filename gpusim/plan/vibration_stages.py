@@ -68,7 +68,8 @@ def opening(scene: Scene) -> float:
 
 def _opening_of(camera: CameraTable) -> float:
     """s before and after a frame at which a camera may look, points beside its picture included."""
+    late = 0.0 if camera.trigger is None else camera.trigger.latest
     if camera.shutter is None:
-        return 0.0
+        return late
     rows = 2.2 * camera.resolution[1] * abs(camera.shutter.line_time)
-    return float(0.5 * camera.shutter.exposure + rows)
+    return float(0.5 * camera.shutter.exposure + rows + late)

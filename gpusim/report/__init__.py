@@ -47,7 +47,6 @@ from gpusim.report.model import SolutionSummary as SolutionSummary
 from gpusim.report.model import Stage as Stage
 from gpusim.report.model import Table as Table
 from gpusim.report.write import ReportPaths as ReportPaths
-from gpusim.report.write import prepare_figures as prepare_figures
 from gpusim.report.write import write_report as write_report
 
 __all__, __getattr__, __dir__ = _public_names(__name__)

@@ -49,6 +49,7 @@ _SPACE = (
     "Places and displacements in mm in the frame of the left camera: x right, y down, z forward."
 )
 DIGITS = 4
+MOST_NAMED = 5
 
 
 def summary(
@@ -119,8 +120,10 @@ def correlation_report(
 
 
 def unmeasured(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Images without any point measured, of ``rows`` as `summary` has them."""
-    return ", ".join(row["image"] for row in rows if row["measured"] == 0)
+    """Images without any point measured, of ``rows`` as `summary` has them: some of them named."""
+    names = [row["image"] for row in rows if row["measured"] == 0]
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return ", ".join(names[:MOST_NAMED]) + more
 
 
 def _cell(value: Any) -> str:

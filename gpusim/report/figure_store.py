@@ -10,10 +10,8 @@ import hashlib
 import io
 import json
 import pickle
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +19,6 @@ from gpusim._version import __version__
 from gpusim.errors import InputError
 from gpusim.files.atomic_files import write_text
 from gpusim.files.input_file import read_input
-from gpusim.parallel import processes
 from gpusim.report.model import Drawing, Figure
 
 KEYS = ".figures.json"
@@ -29,41 +26,41 @@ KEYS = ".figures.json"
 
 
 class FigureStore:
-    """Figures of a ``folder``, by their keys: those that are there, and those that are begun."""
+    """Figures of a ``folder``, by their keys."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._earlier: dict[str, Any] = {}
-        self._figures: dict[str, Callable[[], Figure]] = {}
+        self._figures: dict[str, Figure] = {}
         with suppress(InputError, ValueError, RecursionError):
             known = json.loads(read_input(folder / KEYS, "a list of figures").data)
             self._earlier = known if isinstance(known, dict) else {}
 
-    def begin(self, drawing: Drawing) -> Callable[[], Figure]:
-        """Begin with a figure that isn't there; gives what waits for it."""
+    def figure(self, drawing: Drawing) -> Figure:
+        """The figure; drawn, unless an earlier report has it."""
         key = self._key(drawing)
-        self._figures[key] = self._found(key) or cache(processes.begin(drawing).result)
+        if key not in self._figures:
+            self._figures[key] = self._found(key) or drawing()
         return self._figures[key]
 
     def keep(self) -> None:
         """Note what there is, when all are drawn."""
         kept = {}
         for key, figure in self._figures.items():
-            said = asdict(figure())
+            said = asdict(figure)
             path = said.pop("path")
             if path.parent == self._folder and path.is_file():
                 kept[key] = said | {"file": path.name, "sha256": _hash(path.read_bytes())}
         if kept:
             write_text(self._folder / KEYS, json.dumps(kept))
 
-    def _found(self, key: str) -> Callable[[], Figure] | None:
+    def _found(self, key: str) -> Figure | None:
         """A figure of an earlier report, if nobody has changed its file."""
         with suppress(KeyError, TypeError, InputError):
             said = dict(self._earlier[key])
             path = self._folder / Path(said.pop("file")).name
             if said.pop("sha256") == _hash(read_input(path, "a figure").data):
-                figure = Figure(path, **said)
-                return lambda: figure
+                return Figure(path, **said)
         return None
 
     def _key(self, drawing: Drawing) -> str:

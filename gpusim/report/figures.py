@@ -177,7 +177,7 @@ def draw_overlay(overlay: Overlay, path: PathLike) -> Figure:
 
     Raises InputError if that can't be read.
     """
-    image = read_image(overlay.image)
+    image = read_image(overlay.image) if isinstance(overlay.image, Path) else overlay.image
     height, width = image.shape[:2]
     size = _WIDTH, _WIDTH * height / width
     pixels = reduced(image, page_pixels(size))

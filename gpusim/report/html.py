@@ -237,10 +237,11 @@ def _environment() -> Environment:
 
 
 def aligned(item: Measurement) -> tuple[str, str, str]:
-    """Return measured, truth and error with as many decimals as show the error to three digits."""
+    """Return measured, truth and error with as many decimals as show the error to three digits, if
+    these are seven digits in all at most."""
     known = math.isfinite(item.error) and item.error != 0.0
     decimals = 2 - math.floor(math.log10(abs(item.error))) if known else -1
-    if not 0 <= decimals <= 9 or max(abs(item.measured), abs(item.truth)) >= 1e9:
+    if decimals < 0 or max(abs(item.measured), abs(item.truth)) * 10.0**decimals >= 1e7:
         return number(item.measured), number(item.truth), number(item.error, 3)
     texts = (f"{value:.{decimals}f}" for value in (item.measured, item.truth, item.error))
     measured, truth, error = (text.replace("-", "\N{MINUS SIGN}") for text in texts)

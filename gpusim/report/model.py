@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from gpusim._version import __version__
 from gpusim.arrays.array_types import Float
@@ -206,12 +207,12 @@ class Film:
 class Overlay:
     """Tracked points on an image.
 
-    ``image`` is the file they were tracked from, ``points`` (M, 2) px (x right, y down; integer =
-    pixel centre), ``displacement`` (M, 2) px, NaN where a point was lost.
+    ``image`` is the picture they were tracked from, or its file, ``points`` (M, 2) px (x right,
+    y down; integer = pixel centre), ``displacement`` (M, 2) px, NaN where a point was lost.
     """
 
     title: str
-    image: Path
+    image: Path | npt.NDArray[Any]
     points: Float
     displacement: Float
     units_per_px: float | None = None
@@ -242,8 +243,8 @@ class Figure:
 
 
 Drawing = Callable[[], Figure]
-"""Draws a figure, maybe in another process: something that can be pickled, as `functools.partial`
-of a module's function is."""
+"""Draws a figure: something that can be pickled, as `functools.partial` of a module's function is.
+By what is pickled one sees whether it has changed."""
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,7 @@ The series colours are those of Okabe & Ito (2008), in the variant that keeps a 
 white. On a dark page the report's style sheet inverts the lightness of plots and keeps their hues,
 so that one file serves both.
 
-Nothing imports matplotlib, half a second's work, but what draws with it: that is mostly a process
-of its own (`gpusim.parallel.processes`).
+Nothing imports matplotlib, half a second's work, but what draws with it.
 """
 
 from __future__ import annotations

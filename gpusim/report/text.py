@@ -49,6 +49,14 @@ def number(value: float, digits: int = 6) -> str:
     return text.replace("-", "\N{MINUS SIGN}")
 
 
+def uncertain(value: float, sigma: float) -> str:
+    """A value as far as two digits of its standard uncertainty say: 62.92466 ± 0.00014."""
+    if not 0 < sigma < math.inf:
+        return number(value)
+    digits = max(1 - math.floor(math.log10(sigma)), 0)
+    return f"{value:.{digits}f} ± {sigma:.{digits}f}".replace("-", "\N{MINUS SIGN}")
+
+
 def percent(value: float, digits: int = 3) -> str:
     """Return a fraction as per cent, or a dash for NaN."""
     if not math.isfinite(value):

@@ -13,7 +13,6 @@ import numpy as np
 from gpusim.errors import GpusimError
 from gpusim.files.atomic_files import PathLike, safe_name, write_text
 from gpusim.files.output_folder import delete, inside
-from gpusim.parallel import processes
 from gpusim.report.figure_store import FigureStore
 from gpusim.report.figures import (
     draw_convergence,
@@ -40,16 +39,6 @@ class ReportPaths:
     html: Path
     json: Path
     figures: tuple[Path, ...]
-
-
-def prepare_figures() -> None:
-    """Let a process beside this one import what draws figures, while the caller goes on."""
-    processes.prepare(
-        "gpusim.report.figures",
-        "gpusim.report.measurement_figures",
-        "matplotlib.figure",
-        "matplotlib.backends.backend_agg",
-    )
 
 
 def write_report(report: Report, out_dir: PathLike) -> ReportPaths:
@@ -79,17 +68,16 @@ def write_report(report: Report, out_dir: PathLike) -> ReportPaths:
 def _draw(report: Report, folder: Path) -> dict[str, list[Figure]]:
     """The figures by the section of the page that they stand in."""
     store = FigureStore(folder)
-    begin = store.begin
-    # these take longest: they begin
-    sections = {"other": [begin(drawing) for drawing in report.figures]}
-    sections["explanations"] = [begin(one) for why in report.explanations for one in why.figures]
+    figure = store.figure
+    sections = {"other": [figure(drawing) for drawing in report.figures]}
+    sections["explanations"] = [figure(one) for why in report.explanations for one in why.figures]
     together = groupby(report.series, lambda one: one.figure or one.name)
     sections["series"] = [
-        begin(partial(draw_series, item, _path(folder, "line", number, name), beside))
+        figure(partial(draw_series, item, _path(folder, "line", number, name), beside))
         for number, (name, (item, *beside)) in enumerate(together, 1)
     ]
     sections["overlays"] = [
-        begin(partial(draw_overlay, item, _path(folder, "markers", number, item.title)))
+        figure(partial(draw_overlay, item, _path(folder, "markers", number, item.title)))
         for number, item in enumerate(report.overlays, 1)
     ]
     judged = [
@@ -97,18 +85,16 @@ def _draw(report: Report, folder: Path) -> dict[str, list[Figure]]:
         if item.tolerance_relative is not None and np.isfinite(item.relative_told)
     ]  # fmt: skip
     if len(judged) >= _WORTH_BARS:
-        sections["errors"] = [begin(partial(draw_errors, judged, inside(folder, "errors.png")))]
+        sections["errors"] = [figure(partial(draw_errors, judged, inside(folder, "errors.png")))]
     if len(report.residuals) >= _WORTH_A_PLOT:
         path = inside(folder, "convergence.png")
-        sections["convergence"] = [begin(partial(draw_convergence, report.residuals, path))]
+        sections["convergence"] = [figure(partial(draw_convergence, report.residuals, path))]
     load_path = report.load_path
     if load_path is not None and len(load_path.frames) >= _WORTH_A_LINE:
-        sections["load_path"] = [
-            begin(partial(draw_load_path, load_path, inside(folder, "load-path.png")))
-        ]
-    figures = {name: [figure() for figure in sections.get(name, ())] for name in SECTIONS}
+        path = inside(folder, "load-path.png")
+        sections["load_path"] = [figure(partial(draw_load_path, load_path, path))]
     store.keep()
-    return figures
+    return {name: sections.get(name, []) for name in SECTIONS}
 
 
 def _path(folder: Path, kind: str, number: int, title: str) -> Path:

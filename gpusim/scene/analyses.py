@@ -107,11 +107,12 @@ def _instants(scene: Scene, scaled: bool) -> Sequence[States]:
 
 
 def _shapes(scene: Scene, scaled: bool) -> Sequence[States]:
-    """Modes: number and phase (turns); number 0 where a body that is loaded doesn't vibrate."""
+    """Modes: number and phase (turns), or of frames in time all of them and the time (s); number 0
+    where a body that is loaded doesn't vibrate."""
     table = scene.analysis
     assert isinstance(table, OscillationTable)
     rest = (0.0, 0.0) if getattr(table, "prestress", False) else None
-    states = [rest, *((float(number), turn) for number, turn in table.oscillations)]
+    states = [rest] * (table.word != "time") + [*table.oscillations]
     return [states for _ in scene.bodies]
 
 

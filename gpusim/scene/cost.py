@@ -9,7 +9,7 @@ used, which takes longer than most images; the driver keeps them for later runs.
 
 from __future__ import annotations
 
-from math import log
+from math import log, prod
 from pathlib import Path
 
 from gpusim.files.input_file import file_stamp
@@ -49,6 +49,7 @@ def describe(scene: Scene, made: Counts | None = None) -> dict[str, str]:
     lights = len(scene.lights)
     lit = f"{lights} light{'s' if lights > 1 else ''}" if lights else "no light: albedo"
     casting = sum(getattr(light, "shadows", False) for light in scene.lights)
+    lit += ", flickering" if any(light.flicker for light in scene.lights) else ""
     lit += f", shadows of {casting}" if casting else ", no shadows" if lights else ""
     if any(getattr(light, "occlusion", False) for light in scene.lights):
         lit += ", surroundings hidden by surfaces"
@@ -57,7 +58,7 @@ def describe(scene: Scene, made: Counts | None = None) -> dict[str, str]:
     if in_color(scene):
         lit += ", light and paint in colour"
     wanted = [name for name in ("vtu", "stl", "calibration") if getattr(scene.output, name)]
-    wanted += [f"film of {name}" for name in filming(scene.video, scene.cameras)]
+    wanted += [f"film of {name}, up to {1e-6 * size:,.1f} MB" for name, size in _films(scene)]
     return {
         "mesh": "; ".join(mesh_words(body.mesh, made) for body in scene.bodies),
         "solve": f"{size}{_SOLVER[scene.solver.method]}{_solutions(scene)[0]}",
@@ -73,8 +74,8 @@ def effects(scene: Scene, camera: CameraTable) -> str:
     """What lens, shutter and sensor do to a camera's images, in words."""
     words = [] if camera.lens is None else camera.lens.words()
     words = words or ["pinhole"]
-    if camera.shutter is not None:
-        words += camera.shutter.words()
+    words += [] if camera.shutter is None else camera.shutter.words()
+    words += [] if camera.trigger is None else ["triggered late"]
     return ", ".join([*words, *scene.sensor_of(camera.name).words(), *camera.color_words()])
 
 
@@ -89,6 +90,16 @@ def _per_image(scene: Scene) -> tuple[float, float]:
     if any(getattr(light, "occlusion", False) for light in scene.lights):
         return 0.6, 1.7e-7
     return (0.2, 7e-8) if scene.lights else (0.1, 4e-8)
+
+
+def _films(scene: Scene) -> list[tuple[str, int]]:
+    """Cameras that film, and the bytes of their films if nothing could be left out."""
+    filmed, frames = filming(scene.video, scene.cameras), len(scene.analysis.frame_values)
+    return [
+        (one.name, frames * prod(one.resolution) * (1 + (scene.sensor_of(one.name).bits > 8))
+         * (3 if one.channels == "rgb" else 1))
+        for one in scene.cameras if one.name in filmed
+    ]  # fmt: skip
 
 
 def target_seconds(camera: CameraTable) -> float:
@@ -142,7 +153,8 @@ def estimate(scene: Scene, made: Counts | None = None) -> Cost:
     layers = len(scene.output.truth)
     together = len(scene.cameras) if "cameras" in scene.output.truth else 1
     steps = len(scene.analysis.frame_values)
-    films = len(filming(scene.video, scene.cameras))
+    written = 0.1 + 4e-6 * elements if scene.output.vtu or scene.output.stl else 0.0
+    filming_seconds = sum(0.01 * steps + 6e-8 * size for _, size in _films(scene))
     measuring = sum(one.seconds(markers, pixels, steps) for one in scene.measures)
     # what every pixel sees, its spline and its subsets
     of_pixel = 300 if any(one.correlates for one in scene.measures) else 12
@@ -156,7 +168,7 @@ def estimate(scene: Scene, made: Counts | None = None) -> Cost:
         "truth file": (40 * nodes, 0.1 + frames * (0.01 + 1e-9 * layers * pixels)),
         "measure": (of_pixel * pixels, 0.3 + measuring),
         "stress": (600 * elements, 0.1 + steps * 2e-5 * elements),
-        "export": (300 * nodes, steps * (0.1 + 4e-6 * elements + 6e-8 * pixels * films)),
+        "export": (300 * nodes, 0.1 + steps * written + filming_seconds),
         "report": (6 * pixels, 1.0 + 2e-8 * pixels),
     }
 

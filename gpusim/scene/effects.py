@@ -50,6 +50,9 @@ EFFECTS: Mapping[str, Effect] = {
                          {_CAMERA: {"distortion": []}}),
     "motion": Effect("blur while the shutter is open",
                      {_CAMERA: {"shutter": _GONE}, "video": {"exposure_us": _GONE}}),
+    "trigger": Effect("frames that aren't exposed at their times",
+                      {_CAMERA: {"trigger": _GONE}}),
+    "flicker": Effect("lamps that flicker", {"light": {"flicker": _GONE}}),
     "drift": Effect("light that drifts, and cameras that move, after the first frame",
                     {_SENSOR: {"drift_percent": _GONE},
                      _CAMERA: {"moved_um": _GONE, "turned_deg": _GONE}}),
@@ -59,6 +62,7 @@ EFFECTS: Mapping[str, Effect] = {
                     {"": {"light": []}, _SENSOR: _EXPOSED, _OWN_SENSOR: _EXPOSED}),
 }  # fmt: skip
 """Every effect by its name."""
+_NEEDS = {"shadows": ("light",), "flicker": ("light", "motion")}
 
 
 def _tables(document: Document, path: str) -> list[Document]:
@@ -104,7 +108,7 @@ def with_only(document: Mapping[str, Any], names: Sequence[str]) -> Document:
     """The document with none of the effects but ``names``. Raises InputError as above."""
     check_effects(names, "--only")
     # shadows are a part of the light: with the light goes what they fall on
-    kept = {*names, "light"} if "shadows" in names else set(names)
+    kept = set(names).union(*(_NEEDS.get(name, ()) for name in names))
     kept |= {"shadows"} if "light" in names else set()
     return _without(document, [name for name in EFFECTS if name not in kept])
 
@@ -128,6 +132,10 @@ def check_effects(names: Iterable[str], option: str) -> None:
 
 def _without(document: Mapping[str, Any], names: Sequence[str]) -> Document:
     result = copy.deepcopy(dict(document))
+    exposures = [camera.get("shutter") for camera in _tables(result, _CAMERA)]
+    exposures += [video.get("exposure_us") for video in _tables(result, "video")]
+    if "motion" in names and any(exposures):
+        names = [*names, "flicker"]  # which nothing would average any more
     for name in names:
         if name == "noise" and not _counts_electrons(result):
             continue

@@ -36,7 +36,6 @@ from .camera_tables import CameraTables
 from .description import model
 from .description.measure_table import TABLES
 from .description.scene_table import SceneTable
-from .description.video import complete_from_video
 from .files import find_files
 from .measure_kinds import load_kinds
 from .toml_text import document_fault, parse_toml, size_fault, toml_text
@@ -133,7 +132,6 @@ class Scene:
         origins = overridden(origins, changed)
         unread, hashes = find_files(plain, Path(folder), dict(files), resolved)
         load_kinds(plain)
-        complete_from_video(plain, document.get("video") if changed else None)
         table, more = None, 0
         try:
             table = SceneTable.model_validate(plain)
@@ -154,10 +152,12 @@ class Scene:
 
     @classmethod
     def _of_table(cls, table: SceneTable, source: str, files: tuple[tuple[str, str], ...]) -> Scene:
-        """What a table without faults says, bodies with the materials that they name."""
+        """What a table without faults says, bodies with the materials that they name, frames and
+        cameras with the rate and the exposure of [video]."""
         materials = {entry.name: entry for entry in table.material}
         factors = table.analysis.load_factors
         said = {name: getattr(table, section) for section, name in SECTIONS.items()}
+        said["analysis"], said["cameras"] = table.filmed()
         said["bodies"] = tuple(entry.resolved(materials, factors) for entry in table.body)
         content = table.model_dump(mode="json", by_alias=True, exclude_none=True)
         return cls(**said, content=json.dumps(content), source=source, files=files)

@@ -5,6 +5,7 @@ In the order in which data passes:
 - `expressions`: Short arithmetic expressions of parameters, over all points at once.
 - `budget_tables`: ``[budget]``: what a measurement's uncertainty comes from.
 - `study_tables`: ``study.toml``, read, checked and resolved.
+- `dataset_table`: ``[dataset]`` of a study: items, labels, crops, splits.
 - `design`: The points of a study: what each parameter is in each of them.
 - `samples`: What each sample changes in the base scene, and the key of its row.
 - `rows`: What became of each sample, appended to logs.
@@ -13,6 +14,7 @@ In the order in which data passes:
 - `executors`: Where samples are made: here, in other processes, or on a cluster.
 - `table`: The table of samples: parameters, and every measurement beside the truth.
 - `budget`: The uncertainty budget of a rig: sources drawn one at a time and together.
+- `dataset`: Pictures of samples with exact labels, for who trains or tests.
 - `study`: A study worked off into a folder.
 """
 

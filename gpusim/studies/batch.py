@@ -42,14 +42,15 @@ class Stopped(Exception):
 def targets(study: Study, scene: Scene) -> set[str]:
     """The stages that a sample is made for; what pages and other programs show isn't among them."""
     names = {f"picture/{one.name}" for one in scene.cameras} | {"geometry"}
-    return names | {f"measure/{one.name}" for one in scene.measures} | {*["truth"] * study.truth}
+    names |= {*["truth", "labels"] * study.truth}
+    return names | {f"measure/{one.name}" for one in scene.measures}
 
 
 def bare(study: Study) -> Study:
     """The study of a scene without output that samples don't make: nobody looks at its stages."""
-    truth = study.scene.document["output"].get("truth", []) if study.truth else []
-    scene = study.scene.replace("output", {"fields": False, "truth": truth})
-    return replace(study, scene=scene)
+    output = study.scene.document["output"] if study.truth else {}
+    kept = {key: output[key] for key in ("truth", "labels") if key in output}
+    return replace(study, scene=study.scene.replace("output", {"fields": False, **kept}))
 
 
 class Worker:

@@ -20,7 +20,6 @@ from gpusim.graph.log import Log, read_log
 from gpusim.studies.samples import Sample
 
 Row = Mapping[str, Any]
-STATUSES = "done", "refused", "failed", "killed"
 FINAL = "done", "refused"
 """What another call doesn't try again."""
 

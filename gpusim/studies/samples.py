@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -20,7 +20,7 @@ from gpusim.studies.design import points
 from gpusim.studies.expressions import Values, evaluated
 from gpusim.studies.study_tables import Study
 
-_BUDGET = "gpusim.studies.budget"  # it makes samples itself
+_BUDGET = "gpusim.studies.budget.budget_study"  # it makes samples itself
 
 
 @dataclass(frozen=True)
@@ -60,14 +60,15 @@ def samples_of(study: Study) -> Sequence[Sample]:
     Examples
     --------
     >>> from gpusim.studies import load_study, samples_of
-    >>> _ = open("study.toml", "w").write('''scene = "bar.toml"
+    >>> from pathlib import Path
+    >>> _ = Path("study.toml").write_text('''scene = "bar.toml"
     ... repeats = 2
     ... [[parameter]]
     ... key = "camera.side.focal_mm"
-    ... list = [24.0, 26.0]
+    ... list = [49.0, 51.0]
     ... ''')
     >>> [one.overrides for one in samples_of(load_study("study.toml"))][1]
-    {'camera.side.focal_mm': 24.0, 'sensor.seed': 1}
+    {'camera.side.focal_mm': 49.0, 'sensor.seed': 1}
     """
     if study.tables.budget is not None:
         samples: Sequence[Sample] = import_module(_BUDGET).budget_samples(study)
@@ -96,7 +97,7 @@ def samples_of(study: Study) -> Sequence[Sample]:
     for point in range(count):
         values = {name: own[point] for name, own in columns.items()}
         changed = {key: own[point] for key, own in changes.items()}
-        named = [contents[one] for one in changed.values() if _is_known(one, contents)]
+        named = [contents.get(one) for one in changed.values() if isinstance(one, str)]
         for repeat in range(tables.repeats):
             whole = changed | {key: first[point] + repeat for key, first in seeds.items()}
             key = digest([head, whole, named])
@@ -154,20 +155,6 @@ def _seed(study: Study, key: str, changes: Mapping[str, Sequence[Any]]) -> Seque
 def _files(study: Study, changes: Mapping[str, Sequence[Any]]) -> dict[str, str]:
     """SHA-256 of the files that values name."""
     folder = Path(study.scene.source).parent
-    texts = {one for key in changes for one in changes[key] if isinstance(one, str)}
-    found = {}
-    for text in texts:
-        path = folder / text
-        if "." in text and path.is_file():
-            found[text] = read_input(path).sha256
-    return found
-
-
-def _is_known(value: Any, contents: Mapping[str, str]) -> bool:
-    return isinstance(value, str) and value in contents
-
-
-def batches(samples: Sequence[Sample], size: int) -> Iterator[Sequence[Sample]]:
-    """Neighbours together, at most ``size``."""
-    for first in range(0, len(samples), size):
-        yield samples[first : first + size]
+    texts = {one for values in changes.values() for one in values if isinstance(one, str)}
+    named = [text for text in texts if "." in text and (folder / text).is_file()]
+    return {text: read_input(folder / text).sha256 for text in named}

@@ -14,16 +14,21 @@ from gpusim.errors import require
 from gpusim.files.atomic_files import write_text
 from gpusim.files.output_folder import check_below, claim, inside
 from gpusim.graph.folder import INNER
+from gpusim.graph.graph import Graph
+from gpusim.graph.store import Store
 from gpusim.pipeline.runner.stage_log import Progress, silent
+from gpusim.plan.scene_stages import scene_stages
+from gpusim.plan.stages import RunOptions
 from gpusim.studies.batch import Worker, bare
 from gpusim.studies.executors import Client, Here, LocalPool, Pool, local_workers
 from gpusim.studies.plan import StudyPlan, check_samples, study_plan
+from gpusim.studies.report import Pictures, write_study_report
 from gpusim.studies.rows import FINAL, RowLog, read_rows
 from gpusim.studies.samples import Sample, samples_of
 from gpusim.studies.study_tables import COPY, Study, load_study, study_text
 from gpusim.studies.table import SampleTable
 
-_BUDGET = "gpusim.studies.budget"  # a folder of its own, which knows this one
+_BUDGET = "gpusim.studies.budget.budget_study"  # a folder of its own, which knows this one
 
 
 def study(
@@ -38,14 +43,15 @@ def study(
 
     What the folder has of them is kept, so that a study that was ended goes on. Samples that fail,
     or are refused, are recorded in the table. ``out`` gets samples.csv and, with
-    ``gpusim[study]``, samples.parquet.
+    ``gpusim[study]``, samples.parquet, a report, and of a study with ``[dataset]`` the folder
+    dataset.
 
     Parameters
     ----------
     study : a study, or the path of its file (`gpusim.studies.load_study`).
     workers : processes of this machine; 1: this one.
     scheduler : address of a Dask scheduler (``gpusim[cluster]``) whose workers see ``out``, too.
-    progress : called with ("samples", done 0..1, text).
+    progress : called with ("samples", done 0..1, text), and then with "dataset".
 
     Raises
     ------
@@ -57,11 +63,12 @@ def study(
 
     Examples
     --------
-    >>> _ = open("study.toml", "w").write('''scene = "bar.toml"
+    >>> from pathlib import Path
+    >>> _ = Path("study.toml").write_text('''scene = "bar.toml"
     ... backend = "numpy"
     ... [[parameter]]
     ... key = "camera.side.focal_mm"
-    ... list = [24.0, 24.5]
+    ... list = [49.0, 50.0]
     ... ''')
     >>> table = gs.study("study.toml", "out/study")
     >>> table["status"].tolist()
@@ -71,15 +78,40 @@ def study(
     require(workers >= 1, "study: workers", workers, "1 or more")
     samples, is_budget = checked_samples(loaded), loaded.tables.budget is not None
     with claim(out) as folder:
-        check_below(folder, INNER)
+        check_below(folder, INNER, "dataset")
         if is_budget:
             loaded = import_module(_BUDGET).with_rig(loaded, folder)
         work_off(loaded, samples, folder, workers, scheduler, progress or silent)
-        table = SampleTable.from_rows(loaded, samples, read_rows(folder, samples))
+        rows = read_rows(folder, samples)
+        table = SampleTable.from_rows(loaded, samples, rows)
         table.write(folder)
+        (progress or silent)("report", 0.0, "figures and page")
         if is_budget:
             import_module(_BUDGET).report_budget(loaded, table, folder)
+        else:
+            write_study_report(loaded, table, folder, _pictures(loaded, samples, folder))
+        (progress or silent)("report", 1.0, "report.html, report.json")
+        if loaded.tables.dataset is not None:
+            from gpusim.studies.dataset import write_dataset  # OpenCV and HDF5
+
+            write_dataset(loaded, samples, rows, folder, progress or silent)
     return table
+
+
+def _pictures(study: Study, samples: Sequence[Sample], out: Path) -> Pictures:
+    """What finds the last picture of a sample's first camera."""
+    store = Store(inside(out, INNER))
+
+    def last(number: int) -> Path | None:
+        scene, graph = samples[number].scene(study), Graph()
+        graph.add(scene_stages(scene, RunOptions(study.backend)).stages)
+        for camera in scene.cameras:
+            record = store.find(graph.records[""][f"picture/{camera.name}"][-1])
+            for facts in record.files.values() if record else ():
+                return store.blob(facts.sha256)
+        return None
+
+    return last
 
 
 def checked_samples(study: Study) -> Sequence[Sample]:

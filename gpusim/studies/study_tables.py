@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -20,12 +20,12 @@ from gpusim.scene.faults.key_paths import key_lines
 from gpusim.scene.tables.table import Count, Listed, Pair, Seed, Table, fault
 from gpusim.scene.toml_text import parse_toml, toml_text
 from gpusim.studies.budget_tables import BudgetTable
+from gpusim.studies.dataset_table import DatasetTable
 from gpusim.studies.expressions import FUNCTIONS
 
 COPY = "study.toml"
 """The study in its folder."""
 DISTRIBUTIONS = "uniform", "log_uniform", "normal", "log_normal"
-_POSITIVE = "log_uniform", "log_normal"
 
 Key = Annotated[str, Field(min_length=1, max_length=200)]
 Expression = Annotated[str, Field(min_length=1, max_length=500)]
@@ -76,32 +76,28 @@ class ParameterTable(Table):
     def _one_kind(self) -> Self:
         kinds = ["list"] * (self.list_ is not None)
         kinds += [one for one in DISTRIBUTIONS if getattr(self, one) is not None]
-        expected = f"one of list, {', '.join(DISTRIBUTIONS)}"
         if len(kinds) != 1:
-            raise fault(kinds[-1] if kinds else "", "not one kind of values",
-                        " and ".join(kinds) or "none", expected)  # fmt: skip
+            got, expected = " and ".join(kinds) or "none", ", ".join(("list", *DISTRIBUTIONS))
+            raise fault("", "not one kind of values", got, f"one of {expected}")
         if self.name in FUNCTIONS:
             raise fault("name", "is a function of expressions", self.name, "another name")
         kind = self.distribution
-        if kind:
-            self._check(kind, getattr(self, kind))
-        cut = self.low is not None or self.high is not None
-        if cut and kind not in ("normal", "log_normal"):
-            raise fault("low" if self.low is not None else "high", "cuts off nothing", kinds[0],
-                        "normal or log_normal")  # fmt: skip
-        if self.low is not None and self.high is not None and not self.low < self.high:
-            raise fault("high", "isn't above low", self.high, f"> {self.low:g}")
+        first, second = getattr(self, kind) if kind else (1.0, 2.0)
+        low, high = self.low, self.high
+        for key, wrong, problem, expected in (
+            (kind, kind.startswith("log") and not first > 0, "has no logarithm", "numbers above 0"),
+            (kind, kind.endswith("uniform") and not first < second, "isn't a range",
+             "the smaller number, then the larger one"),
+            (kind, kind.endswith("normal") and not second > 0, "has no width",
+             "a standard deviation above 0"),
+            ("high" if low is None else "low", not kind.endswith("normal")
+             and (low is not None or high is not None), "cuts off nothing", "normal or log_normal"),
+            ("high", low is not None and high is not None and not low < high, "isn't above low",
+             "more"),
+        ):  # fmt: skip
+            if wrong:
+                raise fault(key, problem, getattr(self, key), expected)
         return self
-
-    @staticmethod
-    def _check(kind: str, pair: tuple[float, float]) -> None:
-        first, second = pair
-        if kind in _POSITIVE and not first > 0:
-            raise fault(kind, "has no logarithm", pair, "numbers above 0")
-        if kind.endswith("uniform") and not first < second:
-            raise fault(kind, "isn't a range", pair, "the smaller number, then the larger one")
-        if kind.endswith("normal") and not second > 0:
-            raise fault(kind, "has no width", pair, "a standard deviation above 0")
 
 
 class DerivedTable(Table):
@@ -164,6 +160,8 @@ class StudyTable(Table):
     """What samples have to fulfil."""
     budget: BudgetTable | None = None
     """Of the scene's measurements the uncertainty, in place of parameters."""
+    dataset: DatasetTable | None = None
+    """A data set that is made of the samples' pictures and truth."""
 
     @property
     def drawn(self) -> tuple[ParameterTable, ...]:
@@ -199,7 +197,7 @@ class StudyTable(Table):
 class Study:
     """A study that was read: its ``tables``, the base ``scene``, the ``folder`` of the study's
     file, its name (``source``), the ``backend`` that it is made by ("gpu" or "numpy"), and whether
-    each sample's ``truth`` is made (truth.h5, as far as the scene asks for it)."""
+    each sample's ``truth`` is made (truth.h5, labels.json; as far as the scene asks for it)."""
 
     tables: StudyTable
     scene: Scene
@@ -221,11 +219,12 @@ def load_study(
     Examples
     --------
     >>> from gpusim.studies import load_study
-    >>> _ = open("study.toml", "w").write('''scene = "bar.toml"
+    >>> from pathlib import Path
+    >>> _ = Path("study.toml").write_text('''scene = "bar.toml"
     ... samples = 4
     ... [[parameter]]
     ... key = "camera.side.focal_mm"
-    ... uniform = [24.0, 26.0]
+    ... uniform = [49.0, 51.0]
     ... ''')
     >>> load_study("study.toml").tables.design
     'sobol'
@@ -249,8 +248,11 @@ def load_study(
         names = ", ".join(one.name for one in scene.variants)
         expected = "a scene without: list what they set as a [[parameter]]"
         raise InputError(f"{place}: scene has variants; got {names}; expected {expected}")
+    labelled = tables.dataset is not None
+    if tables.dataset is not None:
+        scene = tables.dataset.labelled(scene)
     chosen = chosen_backend("study", backend or tables.backend)
-    return Study(tables, scene, place.parent.absolute(), str(place), chosen)
+    return Study(tables, scene, place.parent.absolute(), str(place), chosen, labelled)
 
 
 def study_text(study: Study) -> str:
@@ -276,12 +278,3 @@ def _schema() -> dict[str, Any]:
 
     whole: dict[str, Any] = plain(schema)
     return whole
-
-
-def expressions(value: Any) -> Iterator[str]:
-    """The texts in a derived value."""
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, list | tuple):
-        for item in value:
-            yield from expressions(item)

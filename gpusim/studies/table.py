@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gpusim.errors import InputError, nearest_name
-from gpusim.files.atomic_files import write_bytes, write_text
+from gpusim.export.columns import Column, column_files, column_of
+from gpusim.files.atomic_files import write_bytes
 from gpusim.files.output_folder import inside
 from gpusim.studies.rows import Row
 from gpusim.studies.samples import Sample
 from gpusim.studies.study_tables import Study
 
-Column = npt.NDArray[Any]
 _KINDS = "measured", "truth", "error"
 
 
@@ -73,7 +68,7 @@ class SampleTable:
         columns: dict[str, Column] = {
             "sample": np.array([one.number for one in samples]),
             "repeat": np.array([one.repeat for one in samples]),
-            **{name: _column([one.values[name] for one in samples]) for name in parameters},
+            **{name: column_of([one.values[name] for one in samples]) for name in parameters},
         }
         for name, missing in (("status", ""), ("error", ""), ("seconds", np.nan)):
             values = [rows.get(one.number, {}).get(name, missing) for one in samples]
@@ -92,45 +87,11 @@ class SampleTable:
     def write(self, out: Path) -> list[Path]:
         """Write samples.csv and, where pyarrow is installed (``gpusim[study]``), samples.parquet
         into ``out``; returns their paths."""
-        stream = io.StringIO()
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(self.columns)
-        writer.writerows(zip(*(map(_cell, one.tolist()) for one in self.columns.values()),
-                             strict=True))  # fmt: skip
-        paths = [write_text(inside(out, "samples.csv"), stream.getvalue())]
-        try:
-            import pyarrow
-            import pyarrow.parquet
-        except ImportError:
-            return paths
-        plain = {
-            name: one if one.dtype.kind != "O" else [json.dumps(value) for value in one]
-            for name, one in self.columns.items()
-        }
-        file = pyarrow.BufferOutputStream()
-        pyarrow.parquet.write_table(pyarrow.table(plain), file)
-        paths.append(write_bytes(inside(out, "samples.parquet"), file.getvalue().to_pybytes()))
-        return paths
+        files = column_files("samples", self.columns)
+        return [write_bytes(inside(out, name), data) for name, data in files.items()]
 
 
 def column_name(quantity: tuple[str, str], kind: str) -> str:
     """What the column of a measured quantity is called."""
     name, unit = quantity
     return f"{name} {kind} [{unit}]" if unit else f"{name} {kind}"
-
-
-def _column(values: Sequence[Any]) -> Column:
-    """Numbers, texts or booleans as such; anything else, lists too, as objects."""
-    kinds = {type(one) for one in values}
-    if kinds <= {int, float} or (len(kinds) == 1 and kinds <= {str, bool}):
-        return np.array(values)
-    column = np.empty(len(values), dtype=object)
-    column[:] = values
-    return column
-
-
-def _cell(value: Any) -> Any:
-    """In a CSV file: an empty cell for NaN, JSON for a list."""
-    if isinstance(value, float) and value != value:
-        return ""
-    return json.dumps(value) if isinstance(value, list | dict) else value

@@ -31,6 +31,9 @@ def test_film_in_film_out(tmp_path: Path) -> None:
     video = gs.read_video(tmp_path / "large.mkv")
     assert all(np.array_equal(one, other) for one, other in zip(video, folder, strict=True))
     assert np.abs(video[17].astype(float) - pictures[17]).max() > 10
+    deep = [16 * one.astype(np.uint16) for one in pictures]  # 12 bits, as bright as 8 in a preview
+    preview = magnify_files(np.array(deep), tmp_path / "large.mp4", (14, 18), 10, rate_Hz=RATE)
+    assert abs(gs.read_video(preview)[17].mean() - pictures[17].mean()) < 3
     wrong = CliRunner().invoke(app, [*arguments, "--band", "18,14", "--factor", "10"])
     assert wrong.exit_code == 2 and "--band-Hz" not in wrong.stderr and "band_Hz" in wrong.stderr
     other = CliRunner().invoke(app, [*arguments[:-1], str(tmp_path / "large.avi"), *ARGUMENTS])

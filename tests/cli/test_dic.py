@@ -16,9 +16,12 @@ import pytest
 import tifffile
 from typer.testing import CliRunner
 
+import gpusim as gs
+from gpusim.applications import CorrelationSettings, correlate_files, correlation_output
 from gpusim.cli import app
 from gpusim.errors import InputError
 from gpusim.export.correlation import write_correlation
+from gpusim.files.frame_source import FrameSource
 from gpusim.files.picture_file import pages_of, read_grey
 from gpusim.measure import Status, dic, strain
 from tests.support.measure_images import speckles
@@ -96,6 +99,28 @@ def test_tables_maps_and_page(cli: Run, pictures: Path, tmp_path: Path) -> None:
         image = report["images"][number - 1]
         count = f"{image['measured']} of {image['points']}"
         assert f'<th scope="row">{name}</th><td class="n">{count}</td>' in page
+
+
+def test_films_have_times_in_tables_and_few_maps(
+    cli: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(correlation_output, "LONG", 3)
+    monkeypatch.setattr(correlation_output, "FEW", 2)
+    frames = [np.rint(speckles(**SIZE, shift=(0.5 * k, 0.0))).astype(np.uint8) for k in range(4)]
+    film = gs.write_video(tmp_path / "film.mkv", frames, frame_rate=250.0)
+    settings = ("--subset", 21, "--step", 30, "--backend", "numpy", "--format", "csv")
+    done = cli("dic", f"{film}#1", film, "-o", tmp_path / "out", *settings, "--format", "h5")
+    assert done.exit_code == 0, done.output
+    assert "# time_s = 0.008" in (tmp_path / "out/0003_film.csv").read_text().splitlines()
+    with h5py.File(tmp_path / "out/0004_film.h5") as file:
+        assert file.attrs["time_s"] == 0.012 and file["u"].attrs["unit"] == "px"
+    drawn = [path.name for path in sorted((tmp_path / "out").glob("*.png"))]
+    assert drawn == ["0002_film.png", "0004_film.png"]
+    guess = "times are those at which it is played"
+    guessed = FrameSource(frames, list("abcd"), np.arange(4.0), guess)
+    own = CorrelationSettings(subset=21, step=30, backend="numpy")
+    told = correlate_files(frames[0], guessed, tmp_path / "guessed", own).report
+    assert told["warnings"] == [guess] and told["images"][3]["time_s"] == 3.0
 
 
 def test_what_is_wrong_is_said_before_anything_is_written(

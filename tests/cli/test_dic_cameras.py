@@ -96,6 +96,16 @@ def test_pairs_are_measured_in_space(tmp_path: Path) -> None:
     assert np.abs(numbers([row for row in table if row["exx"]], "exx", "eyy")).max() <= 2e-3
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["images"][0]["U_mean"] == pytest.approx(4.0, abs=0.01)
+    for side in range(2):
+        gs.write_video(tmp_path / f"{side}.mkv", gs.read_frames(files[side::2]), frame_rate=100.0)
+    films = [tmp_path / f"{side}.mkv" for side in range(2)]
+    again = run("--stereo", calibration, *films, "-o", tmp_path / "films", "--strain", "hencky")
+    assert again.exit_code == 0, again.output
+    same = rows(tmp_path / "films" / "0001_0.csv")
+    assert (
+        numbers(same, "U_mm", "sigma_X_mm").tolist()
+        == numbers(table, "U_mm", "sigma_X_mm").tolist()
+    )
     shape = run("--stereo", calibration, *files[:2], "-o", tmp_path / "shape")
     assert shape.exit_code == 0, shape.output
     assert (

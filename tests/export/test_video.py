@@ -56,6 +56,17 @@ def test_previews_show_the_upper_bits(name: str, pixels: str, tmp_path: Path) ->
     assert shown[0].shape == ((57, 33) if name == "film.gif" else (58, 34))
 
 
+def test_a_film_is_the_same_bytes_each_time(tmp_path: Path) -> None:
+    """Of a first time of NumPy's, too; a run that is taken up can then be compared with another."""
+    given = frames((57, 33), 255)
+    for name in ("one.mkv", "two.mkv"):
+        with VideoSink(tmp_path / name, 100.0) as sink:
+            for number, image in enumerate(given):
+                sink.append(image, np.float64(number))
+    assert (tmp_path / "one.mkv").read_bytes() == (tmp_path / "two.mkv").read_bytes()
+    assert gs.read_video(tmp_path / "two.mkv").times.tolist() == [0.0, 1.0, 2.0, 3.0]
+
+
 def test_a_sink_takes_growing_times_alone(tmp_path: Path) -> None:
     for time in (0.5, np.nan):
         with pytest.raises(InputError, match=f"frame 1; got time {time} s; expected a later"):

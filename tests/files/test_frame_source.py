@@ -161,3 +161,17 @@ def test_pages_of_a_long_stack_are_found_at_once(
     assert len(frames) == 40
     np.testing.assert_array_equal(list(frames), np.tile(PICTURES, (8, 1, 1)))
     assert 40 <= calls <= 4 * 40
+
+
+def test_rows_keep_their_times(tmp_path: Path) -> None:
+    black = np.zeros((3, 8, 9), np.uint8)
+    for place in ("film.mkv", "folder/*.png"):
+        path = gs.write_video(tmp_path / place, black, frame_rate=100.0, line_time=1e-5)
+        film = gs.read_frames(path if path.is_file() else path.parent)
+        parts = (
+            gs.read_video(tmp_path / place.split("/")[0]),
+            film[1:],
+            gs.read_frames(film, [0, 1, 2]),
+        )
+        assert {one.line_time for one in (film, *parts)} == {1e-5}
+    assert gs.read_frames(black).line_time == 0.0

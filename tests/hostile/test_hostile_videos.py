@@ -6,6 +6,7 @@ from __future__ import annotations
 import shutil
 import time
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from tests.hostile.amount import SEED, share
 from tests.hostile.mutations import mutations
 from tests.hostile.tiny_runs import LIMIT
 from tests.support.cine_bytes import cine_bytes
+from tests.support.moving_pattern import MovingPattern
 
 pytestmark = pytest.mark.hostile
 RNG = np.random.default_rng(SEED)
@@ -29,6 +31,7 @@ CODECS = {
     "mpeg4.avi": "mpeg4",
     "vp9.webm": "libvpx-vp9",
 }
+MEASURED = 90  # frames
 KINDS = ("ffv1.mkv", "shot.cih", "shot.cine", "png.mov", *CODECS)
 
 
@@ -54,6 +57,55 @@ def read(path: Path) -> list[Any]:
             assert path.stem in str(error) and "\n" not in str(error)
             frames.append(None)
     return frames
+
+
+def followed(path: Path, out: Path) -> list[str]:
+    settings = gs.applications.CorrelationSettings(subset=21, backend="numpy")
+    done = gs.applications.track_files(path, out, settings, points=[[24, 20]])
+    return list(done.report["warnings"])
+
+
+def identified(path: Path, out: Path) -> list[str]:
+    settings = gs.applications.IdentificationSettings(
+        points=[[24, 20]], subset=15, rate_Hz=100.0, modes=1, excitation="release"
+    )
+    return list(gs.applications.identify_files(path, out, settings).report["warnings"])
+
+
+def magnified(path: Path, out: Path) -> list[str]:
+    film = gs.applications.magnify_files(path, out / "large.mkv", (8, 20), 5, rate_Hz=100.0)
+    assert len(gs.read_video(film)) == len(gs.read_video(path))
+    return list(gs.read_video(path).notes)
+
+
+@pytest.mark.parametrize("measure", [followed, identified, magnified])
+def test_damaged_videos_are_measured(
+    measure: Callable[[Path, Path], list[str]], tmp_path: Path
+) -> None:
+    """The frames that are whole, which is said; or one error, and nothing is left of the work."""
+    times = np.arange(MEASURED) / 100
+    wave = np.exp(-times) * np.sin(2 * np.pi * 12 * times)
+    pattern = MovingPattern(height=40, width=48).frames(np.stack([wave, 0 * wave], axis=1))
+    frames = np.rint(20 + 200 * (pattern - pattern.min()) / np.ptp(pattern)).astype(np.uint8)
+    whole = gs.write_video(tmp_path / "film.mkv", frames, times=times)
+    assert measure(whole, tmp_path / "whole") == []
+    path = tmp_path / "damaged.mkv"
+    good = whole.read_bytes()
+    cut = ("cut off", good[: len(good) * 3 // 4])
+    rng = np.random.default_rng([SEED, zlib.crc32(measure.__name__.encode())])
+    for number, (damage, data) in enumerate([cut, *mutations(good, rng, share(40))]):
+        path.write_bytes(data)
+        what, out = f"seed {SEED}, {measure.__name__} {number}: {damage}", tmp_path / str(number)
+        begun = time.monotonic()
+        try:
+            told = measure(path, out)
+        except InputError as error:
+            assert "\n" not in str(error), what
+            assert not out.exists() or not list(out.iterdir()), what
+        else:
+            fewer = len(gs.read_video(path)) < MEASURED
+            assert told or not fewer, what
+        assert time.monotonic() - begun < LIMIT, what
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -83,6 +83,17 @@ direction = "-z"
 truth = ["depth"]
 """
 
+FILM = """
+[analysis]
+type = "transient"
+duration_s = 0.007
+
+[video]
+frame_rate_Hz = 1000.0
+format = "{format}"
+"""
+"""What makes a film of the scene."""
+
 _TIMED = ("report.html", "report.json")
 _context = multiprocessing.get_context("forkserver")
 _packages = (gpusim, gpusim.fem, gpusim.measure, gpusim.pipeline, gpusim.report)
@@ -94,8 +105,9 @@ _context.set_forkserver_preload(
 )  # fmt: skip
 
 
-def write_scene(folder: Path, height_mm: float = 10.0) -> Path:
-    """The scene's file, and the mesh that it names."""
+def write_scene(folder: Path, height_mm: float = 10.0, film: str = "") -> Path:
+    """The scene's file, and the mesh that it names; ``film``: the format of one of its motion,
+    of which nothing is measured."""
     bar = box((60.0, 20.0, height_mm), (4, 2, 1))
     nodes = [f"{number}, {x}, {y}, {z}" for number, (x, y, z) in enumerate(bar.points, 1)]
     bricks = [f"{number}, " + ", ".join(map(str, cell + 1))
@@ -103,7 +115,8 @@ def write_scene(folder: Path, height_mm: float = 10.0) -> Path:
     lines = ["*NODE", *nodes, "*ELEMENT, TYPE=C3D8", *bricks, ""]
     (folder / "bar.inp").write_text("\n".join(lines), encoding="utf-8")
     scene = folder / "bar.toml"
-    scene.write_text(SCENE, encoding="utf-8")
+    text = SCENE.partition("[[measure]]")[0] + FILM.format(format=film) if film else SCENE
+    scene.write_text(text, encoding="utf-8")
     return scene
 
 

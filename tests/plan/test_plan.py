@@ -249,7 +249,7 @@ def test_skipped_because_the_scene_does_not_need_it(crane: Scene) -> None:
     assert reasons["truth"] == "not asked for: [output] truth is empty"
     assert (
         reasons["export"]
-        == "not asked for: neither vtu, stl nor calibration in [output], no [video]"
+        == "not asked for: neither vtu, stl, labels nor calibration in [output], no [video]"
     )
     moved = document["body"][0]["support"][0]
     moved["displacement_mm"] = [0.0, 0.0, 1.0]

@@ -21,8 +21,7 @@ def draw(values: np.ndarray, source: Path, path: Path) -> Figure:
 
 
 @pytest.fixture
-def source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr("gpusim.parallel.processes._pool", None)  # drawn here, where it is counted
+def source(tmp_path: Path) -> Path:
     drawn.clear()
     (tmp_path / "figures").mkdir()
     (tmp_path / "0000.png").write_bytes(b"picture")
@@ -36,8 +35,7 @@ def shown(source: Path, one: float = 1.0, other: float = 2.0) -> list[Figure]:
         partial(draw, np.array([2.0]), source, folder / "b.png"),
     ]
     figures = FigureStore(folder)
-    waiting = [figures.begin(drawing) for drawing in drawings]
-    found = [figure() for figure in waiting]
+    found = [figures.figure(drawing) for drawing in drawings]
     figures.keep()
     return found
 

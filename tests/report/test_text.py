@@ -67,4 +67,6 @@ def test_aligned_shows_the_error_to_three_digits() -> None:
     assert aligned(item) == ("−32.6859", "−32.7012", "0.0153")
     assert aligned(Measurement.compare("a", "mm", math.nan, 1.5)) == ("–", "1.50000", "–")
     assert aligned(Measurement.compare("a", "mm", 1.5, 1.5)) == ("1.50000", "1.50000", "0")
+    close = Measurement.compare("mode", "Hz", 62.9246587, 62.9246998)
+    assert aligned(close) == ("62.9247", "62.9247", "−0.0000411")
     assert aligned(Measurement.compare("a", "mm", 2000.0, 1000.0)) == ("2000.00", "1000.00", "1000")

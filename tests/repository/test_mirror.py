@@ -36,7 +36,7 @@ CONCEPTS = {
     "optics/paint": "checker_fields gloss_prints grazing",
     "optics/shading": "small_faces",
     "optics/shadow": "border contact edge_on render scenes shares sheets stages sunk_lamps",
-    "parallel": "child_process copies helper_processes",
+    "parallel": "child_process copies",
     "pipeline": "analyses cad_plans elements nonlinear_examples",
     "pipeline/measurements": "developed_pictures frames",
     "pipeline/measurements/dic": "large_motion",

@@ -20,6 +20,7 @@ from gpusim.scene.effects import (
     without_effects,
 )
 from tests.support.shifted_plate import shifted_plate
+from tests.support.small_scene import DOCUMENT, small_scene
 
 CHANGES: dict[str, Any] = {
     "camera.0.distortion": [-0.1, 0.02, 0.0, 0.0],
@@ -39,6 +40,7 @@ CHANGES: dict[str, Any] = {
     "camera.0.channels": "rgb",
     "camera.0.white_balance_K": 2856.0,
     "light.0.temperature_K": 2856.0,
+    "light.0.flicker": {"mains_Hz": 50.0, "modulation": 0.3},
 }  # fmt: skip
 
 
@@ -48,12 +50,14 @@ def full(checkout: Path) -> gs.Scene:
 
 def test_every_effect_can_go_and_the_rest_stays(checkout: Path) -> None:
     document = full(checkout).document
-    assert active_effects(document) == tuple(EFFECTS)
+    effects = [name for name in EFFECTS if name != "trigger"]  # which is of motions in time
+    assert active_effects(document) == tuple(effects)
     before = copy.deepcopy(document)
-    for name in EFFECTS:
+    for name in effects:
         left = without_effects(document, [name])
-        gone = {"shadows", name} if name == "light" else {name}
-        assert active_effects(left) == tuple(one for one in EFFECTS if one not in gone)
+        # without a shutter nothing averages what flickers
+        gone = {"light": {"shadows", "flicker"}, "motion": {"flicker"}}.get(name, set()) | {name}
+        assert active_effects(left) == tuple(one for one in effects if one not in gone)
         assert without_effects(left, [name]) == left
         gs.Scene.from_document(left)  # still a scene
         assert left["body"] == document["body"] and left["measure"] == document["measure"]
@@ -70,6 +74,8 @@ def test_only_some_effects(checkout: Path) -> None:
     assert only.sensor.values == {key: values[key] for key in ("full_well", "read_noise")}
     shaded = scene.with_effects(only=["shadows"])  # shadows need the light that they keep away
     assert active_effects(shaded.document) == ("shadows", "light")
+    bands = scene.with_effects(only=["flicker"])  # which lamps have, and an exposure averages
+    assert active_effects(bands.document) == ("motion", "flicker", "light")
     assert scene.with_effects() is scene
     with pytest.raises(InputError, match="did you mean distortion"):
         scene.with_effects(no=["distorsion"])
@@ -125,3 +131,19 @@ def test_a_lens_that_a_calibration_file_undoes_stays(checkout: Path, tmp_path: P
     assert lenses_of_files(more) == {"left": "field"}
     left = without_effects(more, ["distortion"])["camera"]
     assert [one["distortion"] for one in left] == [lens, [], []]
+
+
+def test_a_trigger_is_an_effect() -> None:
+    """Of a camera alone: its shutter stays."""
+    camera = {
+        **DOCUMENT["camera"][0],
+        "shutter": {"exposure_ms": 1.0},
+        "trigger": {"delay_us": 9.0},
+    }
+    analysis = {"type": "transient", "duration_s": 0.01, "frame_rate_Hz": 500.0}
+    document = small_scene(camera=[camera], analysis=analysis).document
+    assert set(active_effects(document)) == {"motion", "trigger", "quantisation"}
+    (left,) = without_effects(document, ["trigger"])["camera"]
+    assert "trigger" not in left and left["shutter"]["exposure_ms"] == 1.0
+    (left,) = with_only(document, ["trigger"])["camera"]
+    assert "shutter" not in left and left["trigger"]["delay_us"] == 9.0

@@ -1,8 +1,6 @@
-"""Linear solvers: what all of them can, and a system solved by them as a plan says."""
+"""Linear solvers, and a system solved by them, as a plan says."""
 
 from __future__ import annotations
-
-from typing import Protocol
 
 import numpy as np
 
@@ -10,7 +8,6 @@ from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.assembly import Assembled
 from gpusim.fem.assembly.system import System
-from gpusim.fem.krylov.cg import Preconditioner
 from gpusim.fem.krylov.outer_iteration import Outcome
 from gpusim.fem.linear.device_solver import solve_on_device
 from gpusim.fem.linear.direct_solver import DirectSolver
@@ -19,20 +16,17 @@ from gpusim.fem.linear.pressure_solver import solve_with_pressures
 from gpusim.fem.linear.solve_plan import Direct, Options, SolvePlan
 from gpusim.fem.model.model import Model
 
+LinearSolver = DirectSolver | MultigridSolver
+"""Of K on its free unknowns, over the system's ``scale``: prepared once, used often; ``update``
+takes another matrix of the same pattern, whose nodes are at ``points`` (N,3) by then."""
 
-class LinearSolver(Protocol):
-    """Of K on its free unknowns; prepared once, used often, and ``update`` takes another matrix of
-    the same pattern. Everything is over the system's ``scale``."""
 
-    @property
-    def preconditioner(self) -> Preconditioner:
-        """Nearly K^-1, of matrices that are near to K as well."""
-
-    def solve(self, system: System, options: Options) -> Outcome:
-        """Displacements under the loads of the system, to the error that is asked for."""
-
-    def update(self, assembled: Assembled, system: System, points: Float) -> None:
-        """Take the values of another matrix, whose nodes are at ``points`` (N,3) by now."""
+def prepared(plan: SolvePlan, assembled: Assembled, system: System, points: Float) -> LinearSolver:
+    """The one that the plan tries first, for nodes at ``points`` (N,3)."""
+    direct = plan.direct() if plan.attempts[0] == "direct" else None
+    if direct is None:
+        return MultigridSolver.prepare(plan, assembled, system, points)
+    return DirectSolver(direct)
 
 
 def solve_system(

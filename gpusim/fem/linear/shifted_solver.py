@@ -16,7 +16,7 @@ from gpusim.fem.assembly.system import finest_product
 from gpusim.fem.krylov.cg import NumpyCG, Preconditioner
 from gpusim.fem.krylov.error_estimates import BELOW, smallest_ritz_value
 from gpusim.fem.linear.direct_solver import DirectSolver
-from gpusim.fem.linear.multigrid_solver import MultigridSolver
+from gpusim.fem.linear.linear_solver import prepared
 from gpusim.fem.linear.solve_plan import (
     Options,
     SolvePlan,
@@ -48,15 +48,9 @@ class ShiftedSolver:
         options = replace(options, backend="numpy", device=None)
         model = equation.element_mass.model
         self.plan: SolvePlan = plan_solve(model, assembled, system, options)
-        direct = self.plan.direct() if self.plan.attempts[0] == "direct" else None
-        self.exact = direct is not None
-        points = equation.points
-        solver: DirectSolver | MultigridSolver = (
-            MultigridSolver.prepare(self.plan, assembled, system, points)
-            if direct is None
-            else DirectSolver(direct)
-        )
+        solver = prepared(self.plan, assembled, system, equation.points)
         self.preconditioner: Preconditioner = solver.preconditioner
+        self.exact = isinstance(solver, DirectSolver)
         if isinstance(solver, DirectSolver):
             solver.invert()
         self._product = finest_product(assembled.rows, system)

@@ -19,8 +19,7 @@ from gpusim.fem.assembly.system import System, finest_product, scaled_system
 from gpusim.fem.elements.element_response import Want
 from gpusim.fem.krylov.gmres import gmres
 from gpusim.fem.krylov.truncated_cg import truncated_cg
-from gpusim.fem.linear.direct_solver import DirectSolver
-from gpusim.fem.linear.multigrid_solver import MultigridSolver
+from gpusim.fem.linear.linear_solver import LinearSolver, prepared
 from gpusim.fem.linear.solve_plan import Options, SolvePlan, plan_solve
 
 Apply = Callable[[Float], Float]
@@ -54,7 +53,7 @@ class TangentSolver:
 
     def __init__(self, equation: Equation, options: Options) -> None:
         self._equation, self._options = equation, replace(options, backend="numpy")
-        self._solver: DirectSolver | MultigridSolver | None = None
+        self._solver: LinearSolver | None = None
         # where the nodes were when the solver took its matrix; None: it was none that fits
         self._taken: Float | None = None
         # the tangent that was found to be indefinite, whose material part the solver has
@@ -140,7 +139,7 @@ class TangentSolver:
             self._taken, self._indefinite = None, tangent
 
     @property
-    def _prepared(self) -> DirectSolver | MultigridSolver:
+    def _prepared(self) -> LinearSolver:
         assert self._solver is not None
         return self._solver
 
@@ -156,12 +155,7 @@ class TangentSolver:
             self._solver.update(assembled, system, points)
             return
         self.plan = plan_solve(model, assembled, system, self._options)
-        direct = self.plan.direct() if self.plan.attempts[0] == "direct" else None
-        self._solver = (
-            MultigridSolver.prepare(self.plan, assembled, system, points)
-            if direct is None
-            else DirectSolver(direct)
-        )
+        self._solver = prepared(self.plan, assembled, system, points)
 
     def _whole(
         self, x: Float, iterations: int, residual: float, system: System, definite: bool

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from gpusim.arrays.array_types import Float
 from gpusim.fem.materials.cauchy_green import tensor_components
@@ -11,8 +12,19 @@ from gpusim.fem.materials.law import Update
 from gpusim.fem.materials.linear_elasticity import LinearElasticity
 
 
+class GreenLagrangeElasticity(LinearElasticity):
+    """Second Piola-Kirchhoff stress linear in the Green-Lagrange strain."""
+
+    finite_strain: ClassVar[bool] = True
+
+    def update(self, strain: Float, state: Float | None, *, moduli: bool) -> Update:
+        """Stress linear in the strain (…,6); moduli (6,6), the same everywhere; no state."""
+        tensor_components(strain)  # refuses what no body can have
+        return super().update(strain, state, moduli=moduli)
+
+
 @dataclass(frozen=True)
-class SaintVenantKirchhoff(IsotropicConstants, LinearElasticity):
+class SaintVenantKirchhoff(IsotropicConstants, GreenLagrangeElasticity):
     """Second Piola-Kirchhoff stress linear in the Green-Lagrange strain, in any consistent units.
 
     For large displacements and rotations with strains of a few percent: pressed to 0.58 of its
@@ -32,8 +44,3 @@ class SaintVenantKirchhoff(IsotropicConstants, LinearElasticity):
     >>> (steel.update(strain, None, moduli=False).stress / 1e6).round(6)
     array([240.,  80.,  80.,   0.,   0.,   0.])
     """
-
-    def update(self, strain: Float, state: Float | None, *, moduli: bool) -> Update:
-        """Stress linear in the strain (…,6); moduli (6,6), the same everywhere; no state."""
-        tensor_components(strain)  # refuses what no body can have
-        return super().update(strain, state, moduli=moduli)

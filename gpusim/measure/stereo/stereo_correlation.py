@@ -166,7 +166,7 @@ def stereo_shape(
         blurred = SplineImage.from_image(first.image, blur_px=blur_px)
         sigma_right = sigma_right * noise_factor(blurred, places, settings.half, blur_px)
     sigma = np.stack([sigma_right, sigma_right])
-    return _triangulated(cameras, places, places, places_right, sigma, matches.status, None, subset)
+    return paired_result(cameras, places, places, places_right, sigma, matches.status, None, subset)
 
 
 @unmasked("left", "right", "lefts", "rights")
@@ -195,6 +195,7 @@ def stereo_dic(
     device: Device | None = None,
     backend: str = "auto",
     progress: Callable[[int, StereoResult], None] | None = None,
+    keep_results: bool = True,
     **options: Any,
 ) -> list[StereoResult]:
     """Measure how a surface moved in space.
@@ -205,7 +206,8 @@ def stereo_dic(
     lefts, rights : pairs of the following states, read one at a time.
     cameras, match_shape, epipolar_px, subset, step, roi, points, mask : as for ``stereo_shape``.
     mask_right : (H, W) bool, False = pixel of the right reference image that isn't followed.
-    shape, update, progress, options : as for ``dic_sequence``, by which each camera is tracked.
+    shape, update, progress, keep_results, options : as for ``dic_sequence``, by which each camera
+        is tracked.
 
     Returns
     -------
@@ -240,13 +242,23 @@ def stereo_dic(
     ones = followed(left, lefts, begin.left[known], mask=mask, **both)
     twos = followed(right, rights, begin.right[known], mask=mask_right, **both)
 
-    def moved() -> Iterator[StereoResult]:
-        for one, two in zip_longest(ones, twos):
-            if one is None or two is None:
-                raise InputError("lefts, rights: got more images of one camera; expected pairs")
-            yield _moved(cameras, begin, known, one, two, epipolar_px)
+    found = moved_pairs(cameras, begin, ones, twos, epipolar_px)
+    return gathered(found if known.size else (begin for _ in lefts), progress, keep_results)
 
-    return gathered(moved() if known.size else (begin for _ in lefts), progress)
+
+def moved_pairs(
+    cameras: Cameras,
+    begin: StereoResult,
+    ones: Iterable[DicResult],
+    twos: Iterable[DicResult],
+    epipolar_px: float,
+) -> Iterator[StereoResult]:
+    """The tracks of both cameras put together, which are of the points that are OK in ``begin``."""
+    known = np.flatnonzero(begin.ok)
+    for one, two in zip_longest(ones, twos):
+        if one is None or two is None:
+            raise InputError("lefts, rights: got more images of one camera; expected pairs")
+        yield _moved(cameras, begin, known, one, two, epipolar_px)
 
 
 def _moved(
@@ -269,12 +281,12 @@ def _moved(
     good = np.flatnonzero(status == Status.OK)
     miss = paired_epipolar_distance(cameras, places_left[good], places_right[good])
     status[good[~(miss <= epipolar_px)]] = Status.EPIPOLAR
-    return _triangulated(
+    return paired_result(
         cameras, begin.points, places_left, places_right, sigma, status, begin.shape, begin.subset
     )
 
 
-def _triangulated(
+def paired_result(
     cameras: Cameras,
     points: Float,
     places_left: Float,

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from gpusim.arrays.array_types import Complex, Float, Long
-from gpusim.measure.vibration.operational_modes import Poles, jackknife, mac
+from gpusim.measure.vibration.operational_modes import Poles, Sensors, jackknife, mac
 from gpusim.measure.vibration.spectra import CrossSpectra, peaks
 
 SAME_SHAPE = 0.8  # MAC with the shape of the peak, within its bell
@@ -28,10 +28,10 @@ def decomposed(spectra: Complex) -> tuple[Float, Complex]:
 
 
 def decomposition_modes(
-    spectra: CrossSpectra, band_Hz: tuple[float, float], count: int, loadings: Float
+    spectra: CrossSpectra, band_Hz: tuple[float, float], count: int, sensors: Sensors
 ) -> tuple[Poles, Poles]:
-    """The ``count`` most prominent modes in a band, and their uncertainties (of shapes as by
-    ``loadings``)."""
+    """The ``count`` most prominent modes in a band, and their uncertainties (of shapes at
+    ``sensors``)."""
     frequency = spectra.frequency_Hz
     first, last = np.searchsorted(frequency, band_Hz)
     value, _ = decomposed(spectra.blocks.mean(axis=0))
@@ -41,7 +41,7 @@ def decomposition_modes(
         return _oscillators(spectra, np.asarray(means, dtype=np.complex128), rows)
 
     found = estimate(spectra.blocks.mean(axis=0))
-    sigma = jackknife(spectra.blocks, estimate, loadings)
+    sigma = jackknife(spectra.blocks, estimate, sensors)
     decays = found.damping > 0  # a peak of noise needn't
     return found[decays], sigma[decays]
 

@@ -16,7 +16,12 @@ import scipy
 from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.measure.vibration.frequency_domain_decomposition import decomposition_modes
-from gpusim.measure.vibration.operational_modes import OperationalModes, Poles, real_shapes
+from gpusim.measure.vibration.operational_modes import (
+    OperationalModes,
+    Poles,
+    Sensors,
+    real_shapes,
+)
 from gpusim.measure.vibration.point_series import PointSeries
 from gpusim.measure.vibration.sampling import sampling_rate
 from gpusim.measure.vibration.spectra import cross_spectra
@@ -43,11 +48,11 @@ LEAST_LENGTH = 32  # of a segment
 
 @dataclass(frozen=True)
 class _Responses:
-    """Principal components (T, r) at a rate, and what each is at the points' components."""
+    """Principal components (T, r) at a rate, and the points' components as their sensors."""
 
     values: Float
     rate_Hz: float
-    loadings: Float  # (C, r)
+    sensors: Sensors
 
 
 @checked
@@ -97,7 +102,7 @@ def identify_modes(
         least = f'at least {LEAST_LENGTH * SEGMENTS} for method "fdd"'
         require(length >= LEAST_LENGTH, "series", got, least)
         spectra = cross_spectra(responses.values, responses.rate_Hz, length, BLOCKS)
-        found, sigma = decomposition_modes(spectra, band, modes, responses.loadings)
+        found, sigma = decomposition_modes(spectra, band, modes, responses.sensors)
     else:
         low = max(band[0], band[1] / DEPTH[0])
         depth = int(np.clip(np.ceil(SPAN * responses.rate_Hz / low), *DEPTH))
@@ -105,12 +110,12 @@ def identify_modes(
         statistics = covariances(
             responses.values, responses.rate_Hz, depth, excitation == "release"
         )
-        found, sigma, _ = subspace_modes(statistics, band, modes, responses.loadings)
+        found, sigma = subspace_modes(statistics, band, modes, responses.sensors)
     if not len(found.damping):
         where = f"between {band[0]:.4g} and {band[1]:.4g} Hz"
         wanted = f'a motion with excitation "{excitation}", by more than noise'
         raise InputError(f"identify_modes: no mode {where}; expected {wanted}")
-    return _as_modes(series, responses.loadings, found, sigma, method)
+    return _as_modes(series, responses.sensors, found, sigma, method)
 
 
 def identifiable_band(
@@ -150,14 +155,15 @@ def _responses(series: PointSeries, band: tuple[float, float]) -> _Responses:
     left, size, right = np.linalg.svd(values, full_matrices=False)
     require(bool(size[0] > 0), "series", "points that don't move", "displacements")
     kept = np.flatnonzero(size[:MOST_COMPONENTS] ** 2 > COMPONENTS * size[0] ** 2)
-    return _Responses(left[:, kept] * size[kept], rate / fewer, right[kept].T)
+    sensors = Sensors(right[kept].T, np.repeat(series.delays[ok], 2))
+    return _Responses(left[:, kept] * size[kept], rate / fewer, sensors)
 
 
 def _as_modes(
-    series: PointSeries, loadings: Float, found: Poles, sigma: Poles, method: str
+    series: PointSeries, sensors: Sensors, found: Poles, sigma: Poles, method: str
 ) -> OperationalModes:
     """Modes with shapes at the points."""
-    shapes, complexity = real_shapes(found.shapes @ loadings.T)
+    shapes, complexity = real_shapes(sensors.shapes(found))
     return OperationalModes(
         frequency_Hz=found.frequency_Hz,
         frequency_sigma_Hz=sigma.frequency_Hz,

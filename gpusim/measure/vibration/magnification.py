@@ -19,21 +19,27 @@ import numpy as np
 import scipy
 
 from gpusim.arrays.array_types import Float, Long, Single
-from gpusim.errors import InputError
 from gpusim.files.frame_source import Frames, FrameSource, read_frames
 from gpusim.measure.images import Image, check_image
-from gpusim.measure.vibration.sampling import sampling_rate
-from gpusim.measure.vibration.steerable_pyramid import Spectrum, steerable_pyramid
+from gpusim.measure.vibration.sampling import picture_alike, sampling_rate
+from gpusim.measure.vibration.steerable_pyramid import (
+    INVERSE,
+    Band,
+    Spectrum,
+    fourier,
+    steerable_pyramid,
+)
+from gpusim.parallel.threads import shared
 from gpusim.validation import checked, require
 
 LOWEST = 1.0 / 64.0  # cycles a pixel of the lowest ring
-RINGS, DIRECTIONS = 1, 8  # an octave; in half a turn
+DIRECTIONS = 8  # in half a turn
 MARGIN = 32  # px around a part of a picture
-SMOOTHING = 2.0  # samples of a band, standard deviation
+SMOOTHING = 3.5  # px, standard deviation
 TRANSITION = 0.5  # width in which the filter rises, over the low end of the band
 LEAK_DB = 40.0  # of what isn't to be magnified, over what it was
 MEMORY = 1 << 30  # bytes at once, about
-PIXEL_BYTES = 36  # at once, for each picture of a part
+PIXEL_BYTES = 28  # at once, for each picture of a part
 LEAST_PICTURES = 24  # that come out of a part
 
 
@@ -103,18 +109,19 @@ def _magnified(source: FrameSource, taps: Float, gain: float) -> Iterator[Image]
     """The pictures, part of the time after part of the time."""
     first = check_image(source[0], source.names[0])
     reach = len(taps) // 2
-    parts, count = _parts(first.shape, len(taps))
+    parts, count = _parts(first.shape, len(taps), len(source))
     kept: dict[int, Image] = {}
     for start in range(0, len(source), count):
-        times = np.arange(start, min(start + count, len(source)))
-        needed = range(max(start - reach, 0), min(int(times[-1]) + reach + 1, len(source)))
-        kept = {k: kept[k] if k in kept else _alike(source, k, first) for k in needed}
-        stack = np.array([kept[k] for k in needed])
+        times = range(start, min(start + count, len(source)))
+        needed = range(max(start - reach, 0), min(times.stop + reach, len(source)))
+        kept = {k: kept[k] if k in kept else picture_alike(source, k, first) for k in needed}
         weights = _weights(taps, times, needed, len(source))
         result = np.empty((len(times), *first.shape), dtype=first.dtype)
+        at = range(start - needed.start, times.stop - needed.start)
         for part in parts:
-            shown = part.magnified(stack, times - needed.start, weights, gain)
-            result[:, part.inner[0], part.inner[1]] = _as(shown, first.dtype)
+            shown = part.magnified(list(kept.values()), at, weights, gain)
+            for picture, pixels in zip(result, shown, strict=True):
+                picture[part.inner] = _as(pixels, first.dtype)
         yield from result
 
 
@@ -130,65 +137,87 @@ class _Part:
     columns: Long
     inner: tuple[slice, slice]
 
-    def magnified(self, stack: Image, at: Long, weights: Single, gain: float) -> Single:
-        """Those of the pictures ``stack`` (T, H, W) that are ``at`` (N,), changed: (N, h, w).
-        ``weights`` (N, T) filter a history (T,) at these times."""
-        pixels = stack[:, self.rows[:, None], self.columns].astype(np.float32)
-        spectrum = scipy.fft.fft2(pixels)
-        pyramid = steerable_pyramid(pixels.shape[1:], LOWEST, RINGS, DIRECTIONS)
-        total = spectrum[at] * pyramid.rest
-        for band in pyramid.bands:
-            turned = _turned(band.response(spectrum), at, weights, gain / band.phase_share)
-            band.add(turned, total)
+    def spectrum(self, picture: Image) -> Spectrum:
+        """Of the part of a picture, the frequency 0 in the middle."""
+        pixels = picture[self.rows[:, None], self.columns].astype(np.float32)
+        return np.fft.fftshift(fourier(pixels))
+
+    def shown(self, spectrum: Spectrum) -> Single:
+        """Pixels of a spectrum that the part shows."""
         height, width = (one.stop - one.start for one in self.inner)
-        shown = scipy.fft.ifft2(total, overwrite_x=True).real
-        return np.asarray(shown[:, MARGIN : MARGIN + height, MARGIN : MARGIN + width])
+        pixels = fourier(np.fft.ifftshift(spectrum), INVERSE).real
+        return pixels[MARGIN : MARGIN + height, MARGIN : MARGIN + width]
+
+    def magnified(
+        self, pictures: list[Image], at: range, weights: Single, gain: float
+    ) -> list[Single]:
+        """Those of T ``pictures`` that are ``at`` (N,), changed: (h, w) each. ``weights``
+        (N, T - 1) filter the steps of a history from picture to picture at these times."""
+        spectra = shared(self.spectrum, pictures)
+        pyramid = steerable_pyramid(spectra[0].shape, LOWEST, DIRECTIONS)
+        total = [spectra[time] * pyramid.rest for time in at]
+        for band in pyramid.bands:
+            _turn(band, spectra, total, at, weights * np.float32(gain / band.phase_share))
+        return shared(self.shown, total)
 
 
-def _turned(response: Spectrum, at: Long, weights: Single, gain: float) -> Spectrum:
-    """Samples of a band (T, h, w), with their filtered phases ``gain`` times more: (N, h, w)."""
-    steps = np.angle(response[1:] * response[:-1].conj())
-    phase = np.concatenate([np.zeros_like(steps[:1]), np.cumsum(steps, axis=0)])
-    change = (weights @ phase.reshape(len(phase), -1)).reshape(len(at), *phase.shape[1:])
-    result = response[at]
-    size = np.square(result.real) + np.square(result.imag)
-    for one, weight in zip(change, size, strict=True):
-        blurred, norm = (
-            cv2.GaussianBlur(values, (0, 0), SMOOTHING) for values in (one * weight, weight)
+def _turn(
+    band: Band, spectra: list[Spectrum], total: list[Spectrum], at: range, weights: Single
+) -> None:
+    """Add a band of T pictures with some ``spectra`` (H, W) to the ``total`` of those that are
+    ``at`` (N,), turned by its phases' steps from picture to picture times ``weights``
+    (N, T - 1)."""
+    responses = shared(band.response, spectra)
+    steps = np.empty((len(spectra) - 1, band.mask.size), dtype=np.float32)
+
+    def measure(time: int) -> None:
+        steps[time] = np.angle(responses[time + 1] * responses[time].conj()).ravel()
+
+    shared(measure, range(len(steps)))
+    change = (weights @ steps).reshape(-1, *band.mask.shape)
+    down, across = SMOOTHING * np.array(band.mask.shape) / spectra[0].shape
+
+    def add(number: int) -> None:
+        response = responses[at[number]]
+        power = np.square(response.real) + np.square(response.imag)
+        weighted, norm = (
+            cv2.GaussianBlur(values, (0, 0), across, sigmaY=down)
+            for values in (change[number] * power, power)
         )
-        one[...] = blurred / np.maximum(norm, np.float32(1e-30))
-    change *= np.float32(gain)
-    turn = np.empty_like(result)
-    for one, angle in zip(turn, change, strict=True):
-        one.real, one.imag = np.cos(angle), np.sin(angle)
-    return np.asarray(result * turn)
+        angle = weighted / np.maximum(norm, np.float32(1e-30))
+        turn = np.empty_like(response)
+        turn.real, turn.imag = np.cos(angle), np.sin(angle)
+        band.add(response * turn, total[number])
+
+    shared(add, range(len(total)))
 
 
-def _weights(taps: Float, times: Long, needed: range, total: int) -> Single:
-    """(N, T): the filter at some ``times`` as weights of the pictures ``needed``. Beyond both ends
-    of the film, of ``total`` pictures, a history goes on point-reflected."""
+def _weights(taps: Float, times: range, needed: range, total: int) -> Single:
+    """(N, T - 1): the filter at some ``times`` as weights of the steps between the pictures
+    ``needed``. Beyond both ends of the film, of ``total`` pictures, a history goes on
+    point-reflected."""
     reach = len(taps) // 2
     weights = np.zeros((len(times), len(needed)))
     for row, time in enumerate(times):
-        for offset, tap in zip(range(-reach, reach + 1), taps, strict=True):
-            place = int(time) + offset
+        for place, tap in zip(range(time - reach, time + reach + 1), taps, strict=True):
             end = min(max(place, 0), total - 1)
             if place != end:
                 weights[row, end - needed.start] += 2 * tap
                 place, tap = 2 * end - place, -tap
             weights[row, place - needed.start] += tap
-    return weights.astype(np.float32)
+    return weights[:, :0:-1].cumsum(axis=1)[:, ::-1].astype(np.float32)
 
 
-def _parts(shape: tuple[int, ...], taps: int) -> tuple[list[_Part], int]:
-    """Parts of pictures, and how many pictures are worked out at once, within ``MEMORY``."""
-    count = max(LEAST_PICTURES, 2 * taps)
-    most = MEMORY / (PIXEL_BYTES * (count + taps))
+def _parts(shape: tuple[int, ...], taps: int, total: int) -> tuple[list[_Part], int]:
+    """Parts of pictures, and how many of ``total`` pictures are worked out at once, within
+    ``MEMORY``."""
+    least = 3 * max(taps, LEAST_PICTURES)
     splits = [1, 1]
     while True:
         sides = [-(-size // split) for size, split in zip(shape, splits, strict=True)]
+        pictures = int(MEMORY / (PIXEL_BYTES * np.prod([side + 2 * MARGIN for side in sides])))
         longer = int(sides[1] > sides[0])
-        if np.prod([side + 2 * MARGIN for side in sides]) <= most or sides[longer] <= 2 * MARGIN:
+        if pictures >= min(least, total) or sides[longer] <= 2 * MARGIN:
             break
         splits[longer] += 1
     spans = [
@@ -198,7 +227,7 @@ def _parts(shape: tuple[int, ...], taps: int) -> tuple[list[_Part], int]:
     parts = [
         _Part(rows, columns, (tall, wide)) for rows, tall in spans[0] for columns, wide in spans[1]
     ]
-    return parts, count
+    return parts, max(pictures, least) - taps
 
 
 def _span(start: int, stop: int, size: int) -> tuple[Long, slice]:
@@ -208,15 +237,6 @@ def _span(start: int, stop: int, size: int) -> tuple[Long, slice]:
         length += 2
     mirrored = np.pad(np.arange(size), (MARGIN, length), mode="reflect")
     return mirrored[start : start + length], slice(start, stop)
-
-
-def _alike(source: FrameSource, number: int, first: Image) -> Image:
-    """A picture of the size of the first."""
-    picture = check_image(source[number], source.names[number])
-    if picture.shape != first.shape:
-        name = source.names[number]
-        raise InputError(f"{name}: got shape {picture.shape}; expected {first.shape} as before")
-    return picture
 
 
 def _as(shown: Single, dtype: np.dtype[Any]) -> Image:

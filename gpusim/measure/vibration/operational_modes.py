@@ -56,7 +56,7 @@ class OperationalModes:
 
 @dataclass(frozen=True)
 class Poles:
-    """N modes of one estimate: frequency_Hz, damping (N,), complex shapes (N, C)."""
+    """N modes of one estimate: frequency_Hz, damping (N,), complex shapes (N, r)."""
 
     frequency_Hz: Float
     damping: Float
@@ -64,6 +64,20 @@ class Poles:
 
     def __getitem__(self, chosen: npt.NDArray[np.generic] | list[int]) -> Poles:
         return Poles(self.frequency_Hz[chosen], self.damping[chosen], self.shapes[chosen])
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """C of them: what r responses are at each (C, r), and how much later than the responses each is
+    looked at (C,), s."""
+
+    loadings: Float
+    delays: Float
+
+    def shapes(self, poles: Poles) -> Complex:
+        """(N, C) of modes at one time: what is looked at later has gone on by the pole."""
+        rate = 2 * np.pi * poles.frequency_Hz * np.exp(1j * np.arccos(-poles.damping))
+        return np.asarray((poles.shapes @ self.loadings.T) * np.exp(-np.outer(rate, self.delays)))
 
 
 def distances(first: Poles, second: Poles) -> Float:
@@ -91,6 +105,14 @@ def mac(first: npt.ArrayLike, second: npt.ArrayLike) -> Float:
     return np.asarray(product / np.maximum(np.outer(*size), 1e-300))
 
 
+def amplitudes(shapes: Float, displacement: Float) -> Float:
+    """(N,) by which each of the shapes (N, P, 2) moves the point of its greatest component at most,
+    of points' displacements (T, P, 2)."""
+    moved = (displacement - displacement.mean(axis=0)).reshape(len(displacement), -1)
+    share = np.linalg.lstsq(shapes.reshape(len(shapes), -1).T, moved.T, rcond=None)[0]
+    return np.asarray(np.abs(share).max(axis=1))
+
+
 def real_shapes(shapes: Complex) -> tuple[Float, Float]:
     """Shapes (N, C) turned to be as real as can be, their greatest component 1; and what share of
     each is left imaginary, (N,): 0 to 1."""
@@ -104,18 +126,17 @@ def real_shapes(shapes: Complex) -> tuple[Float, Float]:
 
 
 def jackknife(
-    blocks: Float | Complex, estimate: Callable[[Float | Complex], Poles], loadings: Float
+    blocks: Float | Complex, estimate: Callable[[Float | Complex], Poles], sensors: Sensors
 ) -> Poles:
     """Standard uncertainties of what ``estimate`` makes of the mean of ``blocks`` (B, ...): each
-    is left out once (Efron 1982). Shapes (N, r) are taken to C components by ``loadings`` (C, r)
-    and made real as by `real_shapes`."""
+    is left out once (Efron 1982). Shapes are taken to the ``sensors`` and made real."""
     count = len(blocks)
     total = blocks.sum(axis=0)
     found = [estimate((total - block) / (count - 1)) for block in blocks]
-    whole = real_shapes(estimate(total / count).shapes @ loadings.T)[0]
+    whole = real_shapes(sensors.shapes(estimate(total / count)))[0]
     shapes = []
     for each in found:
-        real = real_shapes(each.shapes @ loadings.T)[0]
+        real = real_shapes(sensors.shapes(each))[0]
         size = (real * whole).sum(axis=1) / (real**2).sum(axis=1)
         shapes.append(real * size[:, None])
     spread = np.sqrt(count - 1)

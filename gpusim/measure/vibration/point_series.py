@@ -14,14 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float
-from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.files.frame_source import Frames, FrameSource, read_frames
 from gpusim.measure.correlation.matching import Status
 from gpusim.measure.correlation.start_values import global_shift
 from gpusim.measure.images import Image, check_image, check_points
 from gpusim.measure.vibration.displacement_methods import LocalPhase, LucasKanade
-from gpusim.measure.vibration.sampling import sampling_rate
+from gpusim.measure.vibration.sampling import picture_alike, sampling_rate
 from gpusim.measure.vibration.shifted_subsets import Method, ShiftedSubsets
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import checked, finite_numbers, real_numbers, require, require_one_of
@@ -47,6 +46,7 @@ class PointSeries:
     displacement : (T, P, 2) float64, px; NaN where a point wasn't found.
     status : (P,) int8, values of ``Status``: ``OK``, or why a point was first not found.
     method : how they were found.
+    line_time : s from one row's exposure to the next's; ``times`` are those of the first row.
 
     Examples
     --------
@@ -61,6 +61,7 @@ class PointSeries:
     displacement: Float
     status: npt.NDArray[np.int8]
     method: str
+    line_time: float = 0.0
     __repr__ = field_summary
 
     @classmethod
@@ -82,6 +83,11 @@ class PointSeries:
     def ok(self) -> Bool:
         """(P,) bool: the points that were found in all pictures."""
         return np.asarray(self.status == Status.OK)
+
+    @property
+    def delays(self) -> Float:
+        """(P,) s from the time of a picture to that of each point's row."""
+        return self.line_time * self.points[:, 1]
 
     @property
     def rate_Hz(self) -> float:
@@ -139,10 +145,8 @@ def point_series(
     displacement = np.full((len(source), len(places), 2), np.nan)
     status = subsets.status.copy()
     start = before = np.zeros((len(places), len(subsets.directions)))
-    for number, name in enumerate(source.names):
-        picture = check_image(source[number], name)
-        if picture.shape != first.shape:
-            raise InputError(f"{name}: got shape {picture.shape}; expected {first.shape} as before")
+    for number in range(len(source)):
+        picture = picture_alike(source, number, first)
         distance, found = _found(subsets, first, picture, start)
         displacement[number] = distance @ subsets.directions
         status = np.where(status == Status.OK, found, status)
@@ -151,7 +155,7 @@ def point_series(
         known = np.isfinite(distance)
         last, before = before, np.where(known, distance, before)
         start = np.where(known, 2.0 * before - last, before) if number else before
-    return PointSeries(source.times.copy(), places, displacement, status, method)
+    return PointSeries(source.times.copy(), places, displacement, status, method, source.line_time)
 
 
 def _found(

@@ -1,4 +1,4 @@
-"""Times at which pictures were taken, and the rate that they keep."""
+"""Pictures of one size, and the rate that their times keep."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
+from gpusim.files.frame_source import FrameSource
+from gpusim.measure.images import Image, check_image
 
 JITTER = 0.05  # of an interval by which a picture may be early or late
 
@@ -26,3 +28,11 @@ def sampling_rate(times: Float) -> float:
             "expected even ones"
         )
     return float(1.0 / interval)
+
+
+def picture_alike(source: FrameSource, number: int, first: Image) -> Image:
+    """A picture of the size of the first. Raises InputError for another."""
+    picture, name = check_image(source[number], source.names[number]), source.names[number]
+    if picture.shape != first.shape:
+        raise InputError(f"{name}: got shape {picture.shape}; expected {first.shape} as before")
+    return picture

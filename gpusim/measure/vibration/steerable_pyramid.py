@@ -12,44 +12,49 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 import scipy
 
-from gpusim.arrays.array_types import Float, Long, Single
+from gpusim.arrays.array_types import Float, Single
 
 Spectrum = npt.NDArray[np.complex64]
-LEAST_SHARE = 0.01  # of a band's greatest, below which a direction counts as none of it
+LEAST_SHARE = 0.1  # of a band's greatest, below which a direction counts as none of it
+INVERSE = cv2.DFT_INVERSE | cv2.DFT_SCALE
 TOP = 0.25  # cycles a pixel, where the uppermost ring begins to be whole
+
+
+def fourier(values: Single | Spectrum, flags: int = 0) -> Spectrum:
+    """Discrete Fourier transform of (h, w) values, by OpenCV, which is twice as fast as SciPy."""
+    parts = values.view(np.float32).reshape(*values.shape, -1)
+    transform = cv2.dft(parts, flags=flags | cv2.DFT_COMPLEX_OUTPUT)
+    return np.asarray(transform).view(np.complex64)[..., 0]
 
 
 @dataclass(frozen=True)
 class Band:
     """One ring and direction.
 
-    rows, columns : indices of a spectrum that the band needs.
-    mask : (h, w) float32, at these; the squares of all masks and their mirror images sum to 1.
+    box : rows and columns of a spectrum that the band needs; the frequency 0 is in the middle.
+    mask : (h, w) float32, there; the squares of all masks and their mirror images sum to 1.
     phase_share : how much of a small motion the phases of a ring show, of a pattern of even
         spectrum: what makes the size of a band change isn't in its phase. With centroids K of the
         bands and second moments M of their spectra, K . K over the trace of M, over all of a ring.
     """
 
-    rows: Long
-    columns: Long
+    box: tuple[slice, slice]
     mask: Single
     phase_share: float
 
     def response(self, spectrum: Spectrum) -> Spectrum:
-        """(..., h, w) complex samples of the band, from spectra (..., H, W)."""
-        part = spectrum[..., self.rows[:, None], self.columns] * self.mask
-        scale = np.float32(self.mask.size / (spectrum.shape[-1] * spectrum.shape[-2]))
-        return np.asarray(scipy.fft.ifft2(part, overwrite_x=True) * scale)
+        """(h, w) complex samples of the band, from a spectrum (H, W). That the first frequency of
+        the box counts as 0 turns all phases by what stays the same in all pictures."""
+        return fourier(spectrum[self.box] * self.mask, INVERSE)
 
     def add(self, response: Spectrum, spectrum: Spectrum) -> None:
         """Add a band's samples to the ``spectrum`` of a sum whose real part is the picture."""
-        scale = np.float32(2.0 * spectrum.shape[-1] * spectrum.shape[-2] / self.mask.size)
-        part = scipy.fft.fft2(response) * (self.mask * scale)
-        spectrum[..., self.rows[:, None], self.columns] += part
+        spectrum[self.box] += fourier(response) * (2.0 * self.mask)
 
 
 @dataclass(frozen=True)
@@ -61,25 +66,23 @@ class Pyramid:
 
 
 @cache
-def steerable_pyramid(
-    shape: tuple[int, int], lowest: float, rings_an_octave: int, directions: int
-) -> Pyramid:
-    """Bands of pictures of a ``shape``, both sides odd, down to the frequency ``lowest``, cycles a
-    pixel."""
-    fy, fx = (np.fft.fftfreq(size).astype(np.float64) for size in shape)
+def steerable_pyramid(shape: tuple[int, int], lowest: float, directions: int) -> Pyramid:
+    """Bands an octave wide of pictures of a ``shape``, both sides odd, down to the frequency
+    ``lowest``, cycles a pixel."""
+    fy, fx = ((np.arange(size) - size // 2) / size for size in shape)
     with np.errstate(divide="ignore"):
-        place = np.log2(np.hypot(fy[:, None], fx) / TOP) * rings_an_octave
+        place = np.log2(np.hypot(fy[:, None], fx) / TOP)
     angle = np.arctan2(fy[:, None], fx)
     turns = [angle - np.pi * number / directions for number in range(directions)]
     around = [np.maximum(np.cos(turn), 0.0) ** (directions - 1) for turn in turns]
     around = [np.where(share > LEAST_SHARE, share, 0.0) for share in around]
     once = np.square(around).sum(axis=0)
-    norm = np.sqrt(once + np.roll(once[::-1, ::-1], (1, 1), axis=(0, 1)))  # and as opposite
+    norm = np.sqrt(once + once[::-1, ::-1])  # and as opposite
     bands: list[Band] = []
-    count = int(np.ceil(np.log2(TOP / lowest) * rings_an_octave)) + 1
+    count = int(np.ceil(np.log2(TOP / lowest))) + 1
     for ring in range(count):
         inside = np.clip(place + ring, -1.0, 0.0 if ring == 0 else 1.0)
-        radial = np.cos(0.5 * np.pi * inside) * (inside > -1.0)
+        radial = np.cos(0.5 * np.pi * inside) * (np.abs(inside) < 1.0)
         masks = [radial * share / norm for share in around]
         phase_share = _phase_share(masks, fx, fy[:, None])
         bands += [_cropped(mask, phase_share) for mask in masks]
@@ -98,13 +101,11 @@ def _phase_share(masks: list[Float], fx: Float, fy: Float) -> float:
 
 
 def _cropped(mask: Float, phase_share: float) -> Band:
-    """A mask (H, W), with no more frequencies than it needs. That the first of these counts as 0
-    turns all phases by what stays the same in all pictures."""
-    indices = []
+    """A mask (H, W), with no more frequencies than it needs."""
+    box = []
     for axis in (0, 1):
-        size = mask.shape[axis]
-        used = np.flatnonzero(np.fft.fftshift(mask.any(axis=1 - axis))) - size // 2
+        size, used = mask.shape[axis], np.flatnonzero(mask.any(axis=1 - axis))
         length = min(scipy.fft.next_fast_len(int(used[-1] - used[0]) + 1), size)
-        indices.append((used[0] + np.arange(length)) % size)
-    rows, columns = indices
-    return Band(rows, columns, mask[np.ix_(rows, columns)].astype(np.float32), phase_share)
+        first = min(int(used[0]), size - length)
+        box.append(slice(first, first + length))
+    return Band((box[0], box[1]), mask[box[0], box[1]].astype(np.float32), phase_share)

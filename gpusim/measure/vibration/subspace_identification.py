@@ -18,7 +18,7 @@ import numpy as np
 import scipy
 
 from gpusim.arrays.array_types import Bool, Complex, Float, Int, Long
-from gpusim.measure.vibration.operational_modes import Poles, distances, jackknife
+from gpusim.measure.vibration.operational_modes import Poles, Sensors, distances, jackknife
 
 SAME_FREQUENCY, SAME_DAMPING, SAME_SHAPE = 0.01, 0.1, 0.05  # relative, relative, 1 - MAC
 MOST_DAMPING = 0.3
@@ -112,10 +112,10 @@ def stabilisation(statistics: Covariances, vectors: Float, orders: Long) -> Stab
 
 
 def subspace_modes(
-    statistics: Covariances, band_Hz: tuple[float, float], count: int, loadings: Float
-) -> tuple[Poles, Poles, Stabilisation]:
-    """The ``count`` modes in a band that show at most orders, their uncertainties (of shapes as by
-    ``loadings``), and the poles of all orders."""
+    statistics: Covariances, band_Hz: tuple[float, float], count: int, sensors: Sensors
+) -> tuple[Poles, Poles]:
+    """The ``count`` modes in a band that show at most orders, and their uncertainties (of shapes at
+    ``sensors``)."""
     hankel = statistics.hankel(statistics.blocks.mean(axis=0))
     left, size, right = scipy.linalg.svd(hankel, full_matrices=False)
     most = min(ORDERS * count, len(hankel) - statistics.blocks.shape[2])
@@ -129,12 +129,10 @@ def subspace_modes(
     ]
     groups = sorted(groups, key=len, reverse=True)[:count]
     if not groups:
-        return diagram.poles[[]], diagram.poles[[]], diagram
+        return diagram.poles[[]], diagram.poles[[]]
     chosen = np.array([_typical(diagram.poles, rows) for rows in groups], dtype=np.int64)
     chosen = chosen[np.argsort(diagram.poles.frequency_Hz[chosen])]
     modes = diagram.poles[chosen]
-    if not len(chosen):
-        return modes, modes, diagram
 
     def estimate(covariances: Float | Complex) -> Poles:
         # the right singular vectors stay: of first order in the noise, that is as good
@@ -145,7 +143,7 @@ def subspace_modes(
             found.append(poles[[int(distances(modes[[number]], poles).argmin())]])
         return joined(found)
 
-    return modes, jackknife(statistics.blocks, estimate, loadings), diagram
+    return modes, jackknife(statistics.blocks, estimate, sensors)
 
 
 def joined(parts: list[Poles]) -> Poles:

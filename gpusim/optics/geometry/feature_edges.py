@@ -7,32 +7,25 @@ from collections.abc import Callable, Collection
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
-from gpusim.optics.geometry.triangle_corners import CHUNK, products
+from gpusim.optics.geometry.triangle_corners import CHUNK, parts, products
 from gpusim.surface.topology import Topology
 
 
 def area_normals(points: Float, triangles: Long) -> Float:
     """(3, T): components of the triangles' normals, twice as long as their areas."""
     result = np.empty((3, len(triangles)))
-    corner_normals(points, [np.ascontiguousarray(triangles[:, k]) for k in range(3)], result)
+    columns = [np.ascontiguousarray(points[:, k]) for k in range(3)]
+    for part in parts(len(triangles)):
+        corner = [np.ascontiguousarray(triangles[part, k]) for k in range(3)]
+        p, u, v = ([np.take(x, numbers, mode="clip") for x in columns] for numbers in corner)
+        for k in range(3):
+            u[k] -= p[k]
+            v[k] -= p[k]
+        for k, normal in enumerate(result[:, part]):
+            i, j = (k + 1) % 3, (k + 2) % 3
+            np.multiply(u[i], v[j], out=normal)
+            normal -= u[j] * v[i]
     return result
-
-
-def corner_normals(points: Float, corner: list[Long], normals: Float) -> Float:
-    """Write the normals of triangles with ``corner``s (n,) each into ``normals`` (3, n); (3, n):
-    the first corners."""
-    p, u, v = np.empty((3, 3, len(corner[0])))
-    for k in range(3):
-        column = np.ascontiguousarray(points[:, k])
-        for numbers, out in zip(corner, (p[k], u[k], v[k]), strict=True):
-            np.take(column, numbers, out=out, mode="clip")
-    u -= p
-    v -= p
-    for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        np.multiply(u[i], v[j], out=normals[k])
-        normals[k] -= u[j] * v[i]
-    return p
 
 
 def unit(vectors: Float) -> Float:

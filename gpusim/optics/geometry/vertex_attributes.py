@@ -14,7 +14,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.optics.geometry.feature_edges import (
-    corner_normals,
+    area_normals,
     creases,
     sharp_normals,
     smooth_normals,
@@ -46,13 +46,7 @@ class SurfaceNormals:
     @cached_property
     def area(self) -> Float:
         """(3, T): world normals of the triangles, twice as long as their areas."""
-        triangles = self._topology.triangles
-        result = np.empty((3, len(triangles)))
-        for first in range(0, len(triangles), CHUNK):
-            part = slice(first, first + CHUNK)
-            corner = [triangles[part, k] for k in range(3)]
-            corner_normals(self.points, corner, result[:, part])
-        return result
+        return area_normals(self.points, self._topology.triangles)
 
     def creases(self, edges: Long | None) -> Bool:
         """Which edges of the surface are creases: of some (n,), or of all (None)."""

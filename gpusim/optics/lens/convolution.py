@@ -4,6 +4,7 @@ moments of an exposure), and gains per pixel.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from gpusim.arrays.array_types import Float, Real, Single
 from gpusim.gpu import Buffer, Device
 from gpusim.gpu.texture_array import Texels
+from gpusim.optics.frame import Frame
 from gpusim.optics.lens.psf import SampledKernel
 
 
@@ -136,3 +138,40 @@ def accumulate_twin(
     scaled = weight * values.astype(np.float64)
     result: Float = sums * scaled if gain else sums + scaled
     return result
+
+
+def row_gains(gains: Float, width: int) -> Callable[[int, int], Float]:
+    """As `multiplied` has them, from those (H,) of whole rows."""
+    return lambda row0, rows: np.outer(gains[row0 : row0 + rows], np.ones(width))
+
+
+def multiplied(frame: Frame, gains: Callable[[int, int], Float]) -> Frame:
+    """A frame's pixels times ``gains``, which has (rows, W) of so many rows from one on; in place
+    where the device has them."""
+    if frame.coloured:
+        return Frame.of_planes([multiplied(plane, gains) for plane in frame.planes])
+    if frame.device is None:
+        there, factors = frame.radiance.astype(np.float64), gains(0, frame.height)
+        radiance = accumulate_twin(there, factors, gain=True).astype(np.float32)
+        return Frame(frame.view, None, radiance=radiance)
+    for band in frame.bands:
+        factors = gains(band.row0, band.rows).astype(np.float32)
+        buffer = frame.device.buffer(factors, "photograph.gains")
+        accumulate(frame.device, buffer, frame.width, (band.rows, frame.width),
+                   Target(band.buffer, 0, band.stride), gain=True)  # fmt: skip
+        buffer.release()
+    return frame
+
+
+def added(frame: Frame, other: Frame) -> Frame:
+    """The sum of two frames of the same bands, in place of the first where the device has them."""
+    pairs = list(zip(frame.planes, other.planes, strict=True))
+    if frame.device is None:
+        sums = [a.radiance + b.radiance for a, b in pairs]
+        return Frame.of_planes([Frame(frame.view, None, radiance=one) for one in sums])
+    for plane, more in pairs:
+        for band, own in zip(plane.bands, more.bands, strict=True):
+            accumulate(frame.device, own.buffer, own.stride, (own.rows, frame.width),
+                       Target(band.buffer, 0, band.stride))  # fmt: skip
+    other.release()
+    return frame

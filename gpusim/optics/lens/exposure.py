@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache, partial, reduce
+from itertools import groupby
 
 import numpy as np
 
@@ -18,13 +20,18 @@ from gpusim.errors import InputError
 from gpusim.gpu import Device, working_device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.frame import Band, Frame
+from gpusim.optics.geometry.view import View
 from gpusim.optics.lens.convolution import (
     ConvolvePass,
     Target,
     accumulate,
     accumulate_twin,
+    added,
     convolve_twin,
+    multiplied,
+    row_gains,
 )
+from gpusim.optics.lens.lit_moments import Part, lit_moments
 from gpusim.optics.lens.psf import Convolved, Disc, Psf, SampledKernel, sample
 from gpusim.optics.lens.shutter import (
     CameraAt,
@@ -47,6 +54,7 @@ from gpusim.optics.rendering.renderer import (
 )
 from gpusim.optics.shading.spectrum import is_coloured_scene
 from gpusim.parallel.blas_threads import one_blas_thread
+from gpusim.surface.color import BANDS, in_band
 from gpusim.surface.surface import Surface
 from gpusim.validation import Finite, checked, require
 
@@ -60,12 +68,12 @@ SAME_IMAGE = SampledKernel(1, 0, ((np.ones(1), np.ones(1)),), 0.0)
 class Exposure:
     """What one photograph is put together from.
 
-    ``parts``: weight, surfaces and camera of each rendering; ``sight``: surfaces and camera at the
-    middle of the exposure, for the truth. ``facts`` say in words what was done and left out,
-    ``warnings`` where less was done than the error asks for.
+    ``parts``: the renderings; ``sight``: surfaces and camera at the middle of the exposure, for the
+    truth. ``facts`` say in words what was done and left out, ``warnings`` where less was done than
+    the error asks for.
     """
 
-    parts: tuple[tuple[float, Sequence[Surface], Camera], ...]
+    parts: tuple[Part, ...]
     sight: tuple[Sequence[Surface], Camera]
     kernel: SampledKernel
     facts: Mapping[str, str] = field(default_factory=dict)
@@ -74,7 +82,8 @@ class Exposure:
     @property
     def plain(self) -> bool:
         """Whether one rendering at the image's own pixels is all."""
-        return len(self.parts) == 1 and self.kernel is SAME_IMAGE
+        alone = len(self.parts) == 1 and self.kernel is SAME_IMAGE
+        return alone and self.parts[0].weight == 1.0 and self.parts[0].gains is None
 
 
 @checked
@@ -126,29 +135,27 @@ def photograph(
     """
     _check(surfaces, lens, shutter)
     lens, shutter, behind = lens or Lens(), shutter or Shutter(), backdrop(background)
-    exposure = plan_exposure(surfaces, camera, lens, shutter, time, error)
+    shines = any(in_band(behind, band) for band in BANDS)
+    exposure = plan_exposure(surfaces, camera, lens, shutter, time, error, lights, shines)
     device = working_device("photograph", backend, device)
     backend = "numpy" if device is None else "gpu"
 
-    def shoot(what: Sequence[Surface], whence: Camera) -> Frame:
+    def shoot(part: Part) -> Frame:
         return render(
-            what, whence, lights, error=error, background=behind, device=device,
-            backend=backend, shortcuts=shortcuts,
+            part.surfaces, part.camera, part.lights, error=error,
+            background=behind if part.gains is None else 0.0, device=device, backend=backend,
+            shortcuts=shortcuts,
         )  # fmt: skip
 
     if exposure.plain:
-        frame = shoot(exposure.parts[0][1], exposure.parts[0][2])
+        frame = shoot(exposure.parts[0])
     else:
+        paints = [paint for one in exposure.sight[0] for paint in one.paints.values()]
+        planes = 3 if is_coloured_scene(paints, lights, behind) else 1
         view = local_view(*exposure.sight, lit=lights is not None)
-        if device is None:
-            combined = _combine_twin(exposure, shoot)
-            frame = Frame.of_planes([Frame(view, None, radiance=plane) for plane in combined])
-        else:
-            paints = [paint for one in exposure.sight[0] for paint in one.paints.values()]
-            planes = 3 if is_coloured_scene(paints, lights, behind) else 1
-            frame = Frame.of_bands(view, device, list(_combine(exposure, shoot, device, planes)))
+        frame = reduce(added, _combined(exposure, shoot, planes, view, device))
     if lens.vignetting is not None:
-        frame = _vignetted(frame, lens, exposure.sight[1])
+        frame = multiplied(frame, partial(lens.vignetting.gains, exposure.sight[1]))
     frame.facts = dict(exposure.facts)
     frame.warnings = (*picture_warnings(*exposure.sight, lights), *exposure.warnings)
     return frame
@@ -171,11 +178,14 @@ def plan_exposure(
     shutter: Shutter,
     time: float,
     error: float,
+    lights: Sequence[Light] | None = None,
+    shines: bool = False,
 ) -> Exposure:
-    """Decide moments, lens positions and cells per pixel."""
+    """Decide moments, their lights, lens positions and cells per pixel; ``shines``: whether there
+    is radiance without lamps."""
     tolerance = error * np.sqrt(2.0) / 255.0
     notes = _Notes()
-    scenes, sight = _moments(surfaces, camera, shutter, time, notes)
+    scenes, sight = _moments(surfaces, camera, shutter, time, notes, lights, shines)
     depths = np.concatenate([sight[1].to_camera(s.points)[:, 2] for s in sight[0]] or [np.zeros(0)])
     focus = focus_of(lens, sight[1], depths, tolerance)
     psf = lens.psf
@@ -183,7 +193,7 @@ def plan_exposure(
         psf = _depth_of_field(lens, focus, tolerance, notes)
     kernel, side = _point_spread(lens, psf, tolerance, notes)
     if side != 1.0:
-        scenes = [(weight, what, replace(at, pixel_side=side)) for weight, what, at in scenes]
+        scenes = [one._replace(camera=replace(one.camera, pixel_side=side)) for one in scenes]
     if lens.vignetting is not None:
         notes.facts["vignetting"] = "applied"
     positions = len(focus.points)
@@ -194,8 +204,8 @@ def plan_exposure(
             f"{len(scenes)} moments"
         )
     parts = [
-        (weight * share, what, _at(whence, point, lens))
-        for weight, what, whence in scenes
+        one._replace(weight=one.weight * share, camera=_at(one.camera, point, lens))
+        for one in scenes
         for point in focus.points
     ]
     return Exposure(tuple(parts), sight, kernel, notes.facts, tuple(notes.warnings))
@@ -215,40 +225,44 @@ def _moments(
     shutter: Shutter,
     time: float,
     notes: _Notes,
-) -> tuple[list[tuple[float, Sequence[Surface], Camera]], tuple[Sequence[Surface], Camera]]:
-    """Weight, surfaces and camera of each moment of the exposure, and those of its middle."""
+    lights: Sequence[Light] | None,
+    shines: bool,
+) -> tuple[list[Part], tuple[Sequence[Surface], Camera]]:
+    """Each moment of the exposure, and surfaces and camera of its middle."""
     surfaces_at: SurfacesAt = surfaces if callable(surfaces) else lambda _: surfaces
     camera_at: CameraAt = camera if callable(camera) else lambda _: camera
     middle = time + 0.5 * shutter.exposure_time
     sharp = camera_at(middle)
     require(isinstance(sharp, Camera), "photograph camera", repr(sharp), "a Camera")
-    if not callable(surfaces) and not callable(camera):
-        return [(1.0, surfaces, sharp)], (surfaces, sharp)
-    travel = 0.0
-    if shutter.exposure_time:
-        travel = motion(surfaces_at, camera_at, time, shutter.exposure_time)
-    shares, weights = moments(shutter, travel)
-    notes.facts["motion"] = f"{travel:.3g} px during the exposure, {len(shares)} moments"
-    wanted = moments_for(travel)
-    if shutter.samples is None and len(shares) < wanted and shutter.exposure_time:
-        remedy = f"{wanted} samples of the shutter" if wanted <= 4096 else "a shorter exposure"
-        notes.warnings.append(
-            f"motion of {travel:.4g} px in {len(shares)} moments: edges may go in steps of up to "
-            f"{travel * np.diff(shares).max():.2g} px; {remedy} would show none"
-        )
-
-    def moment(at: float) -> tuple[Sequence[Surface], Camera]:
+    moves, travel, chosen = callable(surfaces) or callable(camera), 0.0, moments(Shutter(), 0.0)
+    if moves:
+        if shutter.exposure_time:
+            travel = motion(surfaces_at, camera_at, time, shutter.exposure_time)
+        chosen = shares, _ = moments(shutter, travel)
+        notes.facts["motion"] = f"{travel:.3g} px during the exposure, {len(shares)} moments"
+        wanted = moments_for(travel)
+        if shutter.samples is None and len(shares) < wanted and shutter.exposure_time:
+            remedy = f"{wanted} samples of the shutter" if wanted <= 4096 else "a shorter exposure"
+            notes.warnings.append(
+                f"motion of {travel:.4g} px in {len(shares)} moments: edges may go in steps of up "
+                f"to {travel * np.diff(shares).max():.2g} px; {remedy} would show none"
+            )
         if shutter.line_time:
+            notes.facts["shutter"] = f"rolling, {shutter.line_time * 1e6:.4g} us a row"
+
+    @cache
+    def moment(share: float) -> tuple[Sequence[Surface], Camera]:
+        at = time + share * shutter.exposure_time
+        if moves and shutter.line_time:
             return rolled(surfaces_at, camera_at, at, shutter.line_time)
         return surfaces_at(at), camera_at(at)
 
-    scenes = [
-        (float(weight), *moment(time + float(share) * shutter.exposure_time))
-        for share, weight in zip(shares, weights, strict=True)
-    ]
-    if shutter.line_time:
-        notes.facts["shutter"] = f"rolling, {shutter.line_time * 1e6:.4g} us a row"
-    return scenes, scenes[0][1:] if len(scenes) == 1 else moment(middle)
+    rows = time + shutter.line_time * np.arange(sharp.height, dtype=np.float64)
+    parts = lit_moments(chosen, moment, lights, shutter, rows, shines)
+    if parts[0].lights is not lights:
+        whose = "each row's" if shutter.line_time else "the"
+        notes.facts["flicker"] = f"mean light of {whose} exposure, {len(parts)} renderings"
+    return parts, moment(0.5)
 
 
 def _depth_of_field(lens: Lens, focus: Focus, tolerance: float, notes: _Notes) -> Psf | None:
@@ -299,9 +313,25 @@ def _at(camera: Camera, point: Float, lens: Lens) -> Camera:
     return seen_through(camera, point, lens.focus_distance)
 
 
+def _combined(
+    exposure: Exposure, shoot: Callable[[Part], Frame], planes: int, view: View,
+    device: Device | None,
+) -> Iterator[Frame]:  # fmt: skip
+    """The weighted sum of all parts that have the same gains, behind the lens, and times these."""
+    for _, parts in groupby(exposure.parts, lambda part: id(part.gains)):
+        layer = replace(exposure, parts=tuple(parts))
+        if device is None:
+            combined = _combine_twin(layer, shoot, planes)
+            frame = Frame.of_planes([Frame(view, None, radiance=plane) for plane in combined])
+        else:
+            frame = Frame.of_bands(view, device, list(_combine(layer, shoot, device, planes)))
+        gains = layer.parts[0].gains
+        yield frame if gains is None else multiplied(frame, row_gains(gains, frame.width))
+
+
 def _combine(
     exposure: Exposure,
-    shoot: Callable[[Sequence[Surface], Camera], Frame],
+    shoot: Callable[[Part], Frame],
     device: Device,
     planes: int,
 ) -> Iterator[Band]:
@@ -320,14 +350,15 @@ def _combine(
             if work is not None:
                 area = 4 * size.width * size.height
                 sums = [Target(device.empty(area, "photograph.cells"), 0, size.width) for _ in outs]
-            for weight, what, whence in exposure.parts:
-                part = shoot(what, tile.cells(whence, kernel))
-                for plane, own in zip(part.planes, sums, strict=True):
+            for part in exposure.parts:
+                drawn = shoot(part._replace(camera=tile.cells(part.camera, kernel)))
+                shown = drawn.planes * (planes // len(drawn.planes))
+                for plane, own in zip(shown, sums, strict=True):
                     for band in plane.bands:
                         place = Target(own.buffer, own.first + band.row0 * own.stride, own.stride)
                         accumulate(device, band.buffer, band.stride, (band.rows, size.width), place,
-                                   weight=weight)  # fmt: skip
-                part.release()
+                                   weight=part.weight)  # fmt: skip
+                drawn.release()
             if work is not None:
                 for own, target in zip(sums, targets, strict=True):
                     work.run(own.buffer, tile.columns, tile.rows, target)
@@ -337,37 +368,18 @@ def _combine(
         work.release()
 
 
-def _combine_twin(
-    exposure: Exposure, shoot: Callable[[Sequence[Surface], Camera], Frame]
-) -> list[Single]:
+def _combine_twin(exposure: Exposure, shoot: Callable[[Part], Frame], planes: int) -> list[Single]:
     camera, kernel = exposure.sight[1], exposure.kernel
     whole = Tile(0, camera.width, 0, camera.height)
     size = whole.cells(camera, kernel)
-    sums: list[Float] = []
-    for weight, what, whence in exposure.parts:
-        planes = shoot(what, whole.cells(whence, kernel)).planes
-        sums = sums or [np.zeros((size.height, size.width)) for _ in planes]
+    sums = [np.zeros((size.height, size.width)) for _ in range(planes)]
+    for part in exposure.parts:
+        drawn = shoot(part._replace(camera=whole.cells(part.camera, kernel)))
+        shown = drawn.planes * (planes // len(drawn.planes))
         sums = [
-            accumulate_twin(own, plane.radiance, weight)
-            for own, plane in zip(sums, planes, strict=True)
+            accumulate_twin(own, plane.radiance, part.weight)
+            for own, plane in zip(sums, shown, strict=True)
         ]
     if kernel is not SAME_IMAGE:
         sums = [convolve_twin(kernel, cells) for cells in sums]
     return [cells.astype(np.float32) for cells in sums]
-
-
-def _vignetted(frame: Frame, lens: Lens, camera: Camera) -> Frame:
-    assert lens.vignetting is not None
-    if frame.coloured:
-        return Frame.of_planes([_vignetted(plane, lens, camera) for plane in frame.planes])
-    if frame.device is None:
-        gains = lens.vignetting.gains(camera, 0, camera.height)
-        radiance = accumulate_twin(frame.radiance.astype(np.float64), gains, gain=True)
-        return Frame(frame.view, None, radiance=radiance.astype(np.float32))
-    for band in frame.bands:
-        gains = lens.vignetting.gains(camera, band.row0, band.rows).astype(np.float32)
-        buffer = frame.device.buffer(gains, "photograph.gains")
-        accumulate(frame.device, buffer, camera.width, (band.rows, camera.width),
-                   Target(band.buffer, 0, band.stride), gain=True)  # fmt: skip
-        buffer.release()
-    return frame

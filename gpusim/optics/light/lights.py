@@ -21,6 +21,7 @@ from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile
+from gpusim.optics.light.flicker import Flicker
 from gpusim.optics.light.light_color import ColoredLight, LightColor
 from gpusim.optics.light.panorama import read_panorama
 from gpusim.surface.color import BANDS
@@ -56,7 +57,8 @@ class PointLight(ColoredLight):
     """Shines equally in all directions: radiant flux ``power`` (W), intensity power / 4 pi.
 
     ``shadows``: whether surfaces hide it, ``color``: red, green and blue in any scale, "#rrggbb",
-    or what `blackbody` gives; here and in the other lamps.
+    or what `blackbody` gives, ``flicker``: how its light varies about that power; here and in the
+    other lamps.
 
     Examples
     --------
@@ -71,6 +73,7 @@ class PointLight(ColoredLight):
     power: Watts
     shadows: bool = True
     color: LightColor = LightColor()
+    flicker: Flicker | None = None
 
 
 @checked
@@ -96,6 +99,7 @@ class SpotLight(ColoredLight):
     penumbra: Share = 0.2
     shadows: bool = True
     color: LightColor = LightColor()
+    flicker: Flicker | None = None
 
     def __post_init__(self) -> None:
         _check_aim("SpotLight", self.position, self.target)
@@ -135,6 +139,7 @@ class AreaLight(ColoredLight):
     shape: Annotated[str, one_of("rectangle", "ellipse")] = "rectangle"
     shadows: bool = True
     color: LightColor = LightColor()
+    flicker: Flicker | None = None
 
     def __post_init__(self) -> None:
         _check_aim("AreaLight", self.position, self.target)
@@ -160,6 +165,7 @@ class SunLight(ColoredLight):
     diameter: Annotated[float, within(0.0, 0.2, "(rad)")] = SUN_DIAMETER
     shadows: bool = True
     color: LightColor = LightColor()
+    flicker: Flicker | None = None
 
     def __post_init__(self) -> None:
         some = float(np.linalg.norm(self.direction)) > 0.0
@@ -177,13 +183,14 @@ class AmbientLight(ColoredLight):
     Examples
     --------
     >>> gs.AmbientLight(radiance=0.3)
-    AmbientLight(radiance=0.3, occlusion=False, color=None)
+    AmbientLight(radiance=0.3, occlusion=False, color=None, flicker=None)
     """
 
     strengths = ("radiance",)
     radiance: Radiance
     occlusion: bool = False
     color: LightColor = LightColor()
+    flicker: Flicker | None = None
 
 
 @checked
@@ -210,6 +217,7 @@ class EnvironmentLight(ColoredLight):
     forward: Vector = (0.0, 1.0, 0.0)
     occlusion: bool = False
     color: LightColor = LightColor()
+    flicker: Flicker | None = None
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
@@ -272,6 +280,14 @@ class EnvironmentLight(ColoredLight):
 
 
 Light = PointLight | SpotLight | AreaLight | SunLight | AmbientLight | EnvironmentLight
+
+
+def dimmed(light: Light, share: float) -> Light:
+    """A steady light of a ``share`` above 0 of the strength."""
+    fields = [*light.strengths, "image"] if isinstance(light, EnvironmentLight) else light.strengths
+    strengths = {name: getattr(light, name) for name in fields}
+    changed = {name: share * one for name, one in strengths.items() if one is not None}
+    return replace(light, flicker=None, **changed)
 
 
 def is_light(value: object) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,20 +12,12 @@ from gpusim.arrays.array_types import Single
 from gpusim.gpu import Device
 from gpusim.optics.frame import Band
 
-
-class Scale(Protocol):
-    """What is needed of a sensor: `gpusim.optics.sensor.sensor.Sensor`."""
-
-    @property
-    def bits(self) -> int: ...
-    @property
-    def scale(self) -> np.float32: ...
-    @property
-    def dtype(self) -> np.dtype[Any]: ...
+if TYPE_CHECKING:
+    from gpusim.optics.sensor.sensor import Sensor
 
 
 def scaled_on_device(
-    sensor: Scale, device: Device, bands: Sequence[Band], width: int
+    sensor: Sensor, device: Device, bands: Sequence[Band], width: int
 ) -> npt.NDArray[Any]:
     """The bands' rows one below the other."""
     kernel = device.kernel("optics/sensor/sensor", constants={"bits": float(sensor.bits)})
@@ -48,7 +40,7 @@ def scaled_on_device(
     return np.ascontiguousarray(image[:, :width])
 
 
-def scaled_twin(sensor: Scale, radiance: Single) -> npt.NDArray[Any]:
+def scaled_twin(sensor: Sensor, radiance: Single) -> npt.NDArray[Any]:
     """The same in NumPy float32; values that aren't finite become full scale."""
     full = np.float32(2**sensor.bits - 1)
     values = np.clip(np.rint(radiance * sensor.scale), 0.0, full)

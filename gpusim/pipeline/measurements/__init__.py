@@ -3,8 +3,8 @@
 A kind of measurement is a module or a folder named by its ``type`` that registers it. In the order
 in which data passes:
 
-- `marker_detection`: Markers of a scene, found in a picture near where they are expected, and
-  fits of their crosses.
+- `marker_set`: Markers of a scene: which a measurement asks for, how they move, how wide a camera
+  sees them.
 - `marker_tracking`: Markers found in a first image of a camera and followed into another one.
 - `material_points`: Material points that a camera sees at given places of its picture, and how
   they really move.

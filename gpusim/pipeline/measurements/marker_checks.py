@@ -12,7 +12,7 @@ from gpusim.errors import InputError
 from gpusim.mesh import boundary_faces
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.measurements.kinds import Unloaded
-from gpusim.pipeline.measurements.marker_detection import MarkerSet, check_widths, collect_markers
+from gpusim.pipeline.measurements.marker_set import MarkerSet, check_widths, collect_markers
 from gpusim.pipeline.pictures.visibility import unseen
 from gpusim.pipeline.scene_objects.cameras import build_camera, build_lens
 from gpusim.pipeline.scene_objects.meshing import faces_of

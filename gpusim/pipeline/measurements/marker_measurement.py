@@ -14,7 +14,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.pipeline.measurements.marker_detection import MarkerSet, collect_markers
+from gpusim.pipeline.measurements.marker_set import MarkerSet, collect_markers
 from gpusim.pipeline.measurements.marker_tracking import FirstPicture, MarkerTracks
 from gpusim.pipeline.measurements.results import Columns, Crop, Result, vector_columns
 from gpusim.pipeline.measurements.sources import Sources

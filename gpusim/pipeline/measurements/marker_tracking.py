@@ -17,17 +17,16 @@ from gpusim import measure
 from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.grey import grey_of
 from gpusim.errors import GpusimError
-from gpusim.optics.camera.pinhole import Camera
-from gpusim.optics.sensor.sensor import Sensor
-from gpusim.pipeline.measurements.marker_detection import (
+from gpusim.measure.structures.marker_crosses import (
     CrossFits,
-    MarkerSet,
     arms_of,
-    check_widths,
     find_crosses,
     fit_crosses,
     size_range,
 )
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.optics.sensor.sensor import Sensor
+from gpusim.pipeline.measurements.marker_set import MarkerSet, check_widths
 from gpusim.pipeline.measurements.results import rms
 from gpusim.pipeline.pictures.exposure import level_warnings
 

@@ -24,7 +24,7 @@ from gpusim.errors import InputError
 from gpusim.files.atomic_files import atomic_stream, safe_name, write_text
 from gpusim.files.input_file import InputFile, Reader, read_input
 from gpusim.files.output_folder import inside
-from gpusim.report import Drawing, Link, Measurement, Overlay, Series
+from gpusim.report import Drawing, Link, Measurement, Overlay, Series, Table
 from gpusim.scene import Scene
 
 MM = 1e3
@@ -142,7 +142,8 @@ class Reported:
     follow each other and name their frame (`gpusim.report.Figure`) are one with a slider.
 
     ``crops``: camera -> places in its first and last picture (`gpusim.report.FramePair`).
-    ``links``: to files of a comparison of variants; of others every table has one.
+    ``links``: to files of a comparison of variants; of others every table has one. ``tables`` stand
+    before all else that was measured.
     """
 
     measurements: Sequence[Measurement] = ()
@@ -151,6 +152,7 @@ class Reported:
     figures: Sequence[Drawing] = ()
     crops: Mapping[str, Sequence[Crop]] = field(default_factory=dict)
     links: Sequence[Link] = ()
+    tables: Sequence[Table] = ()
 
 
 _REST = "rest"

@@ -72,21 +72,26 @@ class EffectStates:
         draws: bool = True,
     ) -> Execution:  # fmt: skip
         """Run ``scene`` into ``out``, and its states, whose reports have figures or not."""
+        options = RunOptions(chosen_backend("run", backend))
+        with claim(out) as claimed:
+            check_folders(scene, claimed)
+            execution = Execution(scene, self.scenes(scene), claimed, options, progress or silent,
+                                  draws=draws)  # fmt: skip
+            work_off(execution)
+        return execution
+
+    def scenes(self, scene: Scene) -> dict[str, Scene]:
+        """``scene``, and its states by where they are run."""
         scenes = {"": scene}
         for (state, name), document in self.documents.items():
-            lean = {key: table for key, table in document.items() if key != "video"}
-            lean["output"] = document.get("output", {}) | LEAN
+            lean = {**document, "output": document.get("output", {}) | LEAN}
+            if "video" in document:  # which says how pictures are taken
+                lean["video"] = document["video"] | {"cameras": []}
             source = f"{scene.source}, {state} {name}".strip()
             scenes[self.place(state, name)] = Scene.from_document(
                 lean, source=source, files=scene.files
             )
-        options = RunOptions(chosen_backend("run", backend))
-        with claim(out) as claimed:
-            check_folders(scene, claimed)
-            execution = Execution(scene, scenes, claimed, options, progress or silent,
-                                  draws=draws)  # fmt: skip
-            work_off(execution)
-        return execution
+        return scenes
 
     def told(self, execution: Execution, **sections: Any) -> Report:
         """The scene's report with more ``sections``, written."""

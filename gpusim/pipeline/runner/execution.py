@@ -31,7 +31,7 @@ from gpusim.plan.machine_speed import Speed
 from gpusim.plan.plan import plan_of
 from gpusim.plan.programs import earlier_programs, keep_programs
 from gpusim.plan.stages import RunOptions
-from gpusim.report import Report, prepare_figures, write_report
+from gpusim.report import Report, write_report
 from gpusim.report.figure_store import KEYS
 from gpusim.scene import Scene
 
@@ -140,7 +140,6 @@ class Execution:
             yield None
             return
         self._device_before = device.timer.seconds()
-        prepare_figures()
         device.programs.asked.clear()
         with compile_during(device, earlier_programs(self.out)):
             yield device

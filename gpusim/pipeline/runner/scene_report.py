@@ -85,7 +85,7 @@ class SceneReport:
         measurements = [item for one in told for item in one.measurements]
         solution = self._said("solve").get("solution")
         fields, path = self._fields()
-        lowest = {} if scene.analysis.frame_rate else lowest_modes(self._modes)
+        lowest = {} if scene.analysis.type == "transient" else lowest_modes(self._modes)
         return Report(
             scene=scene.name,
             adapter=self._adapters(),
@@ -112,7 +112,7 @@ class SceneReport:
             tolerance=scene.solver.tolerance,
             figures=(*self._charts(), *(item for one in told for item in one.figures)),
             modes=self._modes,
-            first_tables=mode_table(self._modes),
+            first_tables=(*mode_table(self._modes), *(item for one in told for item in one.tables)),
             tables=newton_table(self._load_steps),
             links=self._links(),
         )

@@ -9,6 +9,7 @@ import numpy as np
 
 from gpusim.files.input_file import Reader
 from gpusim.optics.light.blackbody import blackbody
+from gpusim.optics.light.flicker import Flicker
 from gpusim.optics.light.lights import (
     AmbientLight,
     AreaLight,
@@ -32,14 +33,19 @@ LAMPS: dict[type, Callable[..., Light]] = {
 }
 
 
-def build_lights(scene: Scene) -> list[Light] | None:
-    """The lights, or None for a scene without: it then shows albedo."""
-    return [_tinted(light, scene.input) for light in scene.lights] or None
+def build_lights(scene: Scene, time: float | None = None) -> list[Light] | None:
+    """The lights, or None for a scene without: it then shows albedo. They flicker by a clock that
+    starts at a ``time`` (s) of the scene; None: they are steady."""
+    return [_looking(light, scene.input, time) for light in scene.lights] or None
 
 
-def _tinted(light: m.Light, read: Reader) -> Light:
-    kelvin, made = light.temperature_K, _light(light, read)
+def _looking(light: m.Light, read: Reader, time: float | None) -> Light:
+    """With its colour and its flicker."""
+    kelvin, flicker = light.temperature_K, None
+    if light.flicker is not None and time is not None:
+        flicker = Flicker(**arguments_of(Flicker, light.flicker)).later(time)
     tint = light.color if kelvin is None else blackbody(kelvin)
+    made = replace(_light(light, read), flicker=flicker)
     return made if tint is None else replace(made, color=tint)
 
 

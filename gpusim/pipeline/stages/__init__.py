@@ -14,6 +14,7 @@ passes:
 - `images`: Pictures of frames and of calibration targets: radiance, exposure, the picture.
 - `fields`: Pictures of the bodies in the colours of their fields, and how far forces move them.
 - `truth`: truth.h5: what every pixel that sees a body sees, in every frame, and the bodies' nodes.
+- `labels`: labels.json: where bodies, props, markers and corners are, in space and in pictures.
 - `films`: A camera's pictures as a film, in the order of frames, and a small one for the report.
 - `measuring`: Measurements of a run, one after the other.
 - `camera_files`: Calibration files of the cameras, for other programs.

@@ -20,7 +20,7 @@ from gpusim.export.images import keep, save_image
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import Output, StageResult
-from gpusim.optics.change_detection import same_surfaces, unseen_change
+from gpusim.optics.change_detection import same_surfaces
 from gpusim.optics.frame import Frame
 from gpusim.optics.lens.exposure import photograph
 from gpusim.optics.lens.shutter import Shutter, SurfacesAt
@@ -60,30 +60,26 @@ class Radiance:
 def radiance(scene: Scene, inputs: Inputs, session: Session) -> Radiance:
     """A camera's frame, drawn; the last one of the camera where that shows the same."""
     (camera,) = scene.cameras
-    frames, now, between, board = inputs.row[:4]
+    frames, now, between, board, late, at = inputs.row[:6]
     objects = scene_objects(scene, inputs, frames, board)
     viewer, shutter = build_camera(camera, scene.input), build_shutter(camera)
-    later = camera.unsteady and inputs.row[4] > 0
+    later = camera.unsteady and inputs.row[6] > 0
     viewer = unsteady(camera, viewer) if later else viewer
-    in_time = None if shutter is None else objects.around(range(len(frames)), now, between)
+    opens = shutter is not None or late
+    in_time = objects.around(range(len(frames)), now, between) if opens else None
     surfaces = in_time or objects.surfaces(now)
     name = f"radiance/{camera.name}"
-    seen_by = (
-        camera,
-        later,
-        scene.lights,
-        scene.render,
-    )  # other variants have cameras of this name, too
+    # other variants have cameras of this name, too
+    seen_by = camera, later, scene.lights, scene.render, at
     last: tuple[Any, Sequence[Surface], Frame] | None = session.kept.pop(name, None)
     alike = last is not None and last[0] == seen_by and session.options.skip
     if last is not None and alike and not callable(surfaces):
         _, shown, drawn = last
-        sharp = camera.lens is None and shutter is None and not scene.lights
-        if same_surfaces(shown, surfaces) or (sharp and unseen_change(shown, surfaces, viewer)):
+        if same_surfaces(shown, surfaces):
             session.kept[name] = seen_by, surfaces, drawn
             return Radiance(drawn)
     del last  # its memory may be needed
-    frame = _photograph(scene, session, surfaces, viewer, shutter)
+    frame = _photograph(scene, session, surfaces, viewer, shutter, late, at)
     if not callable(surfaces):
         session.kept[name] = seen_by, surfaces, frame
     return Radiance(frame)
@@ -113,15 +109,17 @@ def _photograph(
     surfaces: Sequence[Surface] | SurfacesAt,
     viewer: Any,
     shutter: Shutter | None,
+    late: float = 0.0,
+    at: float | None = None,
 ) -> Frame:
     (camera,) = scene.cameras
     return photograph(
         surfaces,
         viewer,
-        build_lights(scene),
+        build_lights(scene, at),
         lens=build_lens(camera, scene.input),
         shutter=shutter,
-        time=opening(shutter, viewer),
+        time=opening(shutter, viewer) + late,
         error=scene.render.error,
         background=color(scene.render.background),
         device=session.device,

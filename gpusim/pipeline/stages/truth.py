@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim._version import __version__
-from gpusim.arrays.array_types import Int, Long
+from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.export.truth import TruthWriter
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
@@ -21,15 +21,17 @@ from gpusim.optics.frame import Frame
 from gpusim.optics.lens.shutter import rolled
 from gpusim.optics.rendering.local_origin import local_view
 from gpusim.optics.truth import BAND, Truth, seen_in
+from gpusim.pipeline.measurements.material_points import MaterialPoints, TrueMotion
 from gpusim.pipeline.notes import notes_of
 from gpusim.pipeline.pictures.image_window import Window, whole_window, window_of
 from gpusim.pipeline.scene_objects.cameras import build_camera, build_shutter, opening
 from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects, scene_objects
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
-from gpusim.scene.frames import FrameTable
+from gpusim.scene.frames import FrameTable, Instant
+from gpusim.surface import Surface
 
-Sight = tuple[Frame, Window]
+Sight = tuple[Frame, Window, Long]
 _WHOLE, _PART = "truth.h5", ".truth.h5"
 EMPTY = (
     "truth.h5 has cameras alone: its layers are of bodies, and this scene has none. Truth of props "
@@ -77,7 +79,7 @@ def seen(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
 
 def _write_cameras(file: TruthWriter, scene: Scene) -> None:
     for spec in scene.cameras:
-        camera = build_camera(spec, scene.input)
+        camera, shutter = build_camera(spec, scene.input), build_shutter(spec)
         file.write_camera(
             spec.name,
             width=camera.width,
@@ -85,6 +87,8 @@ def _write_cameras(file: TruthWriter, scene: Scene) -> None:
             K=camera.K,
             camera_from_world=camera.camera_from_world,
             distortion=() if camera.distortion is None else camera.distortion,
+            line_time=0.0 if shutter is None else shutter.line_time,
+            exposure_time=0.0 if shutter is None else shutter.exposure_time,
         )
 
 
@@ -97,27 +101,53 @@ def _write_frames(
     progress: Callable[[float, str], None],
 ) -> None:
     scene, wanted = objects.scene, objects.scene.output.truth
-    cells = _cell_of_face(objects)
     rest = {spec.name: sight(objects, spec, frames, None, session) for spec in scene.cameras}
-    for number, factor, _, shown in frames:
+    forward = ForwardFlow(objects) if "forward_flow" in wanted else None
+    for number, _, _, shown in frames:
         progress(number / len(frames), f"frame {number}")
         moved = not shown.still
         now = rest if not moved else {
             spec.name: sight(objects, spec, frames, number, session) for spec in scene.cameras
         }  # fmt: skip
         for spec in scene.cameras:
-            frame = file.frame(spec.name, number, **{word: factor})
-            seen, window = now[spec.name]
-            others = [other for other, _ in now.values()]
+            late = {} if spec.trigger is None else {"late_s": spec.late(number)}
+            frame = file.frame(spec.name, number, **_when(frames[number], word), **late)
+            seen, window, cells = now[spec.name]
+            others = [other for other, *_ in now.values()]
             before = rest[spec.name][0] if moved else None
             for band in seen.truth_bands(faces=(0, len(cells))):
                 if not len(band.row):
                     continue
                 place = band.row + window.top, band.column + window.left
-                for layer in wanted:
+                for layer in (one for one in wanted if one != "forward_flow"):
                     frame.write_sparse(layer, *place, _values(layer, band, before, others, cells))
+            if forward is not None:
+                frame.write_sparse("forward_flow", *forward.of(spec.name, number))
             if "cameras" not in wanted and moved:
                 del now[spec.name]  # its ids are needed no longer
+
+
+class ForwardFlow:
+    """Where what each pixel of frame 0 sees of the bodies is in other frames."""
+
+    def __init__(self, objects: SceneObjects) -> None:
+        self._motion = TrueMotion(objects)
+        self._points: dict[str, tuple[Float, MaterialPoints]] = {}
+
+    def of(self, camera: str, frame: int) -> tuple[Long, Long, Float]:
+        """Rows and columns (n,) in frame 0, and the way (n, 2) px from there."""
+        if camera not in self._points:
+            lens = self._motion.camera(camera)
+            row, column = np.indices((lens.height, lens.width)).reshape(2, -1)
+            pixels = np.stack([column, row], axis=1).astype(np.float64)
+            points = self._motion.seen_at(camera, pixels)
+            own = self._motion.body(points) >= 0
+            self._points[camera] = pixels[own], points[own]
+        pixels, points = self._points[camera]
+        flow = self._motion.pixels(points, camera, frame) - pixels
+        ahead = np.isfinite(flow).all(axis=1)
+        column, row = pixels[ahead].astype(np.int64).T
+        return row, column, flow[ahead]
 
 
 def sight(
@@ -129,23 +159,29 @@ def sight(
     bodies: int | None = None,
 ) -> Sight:
     """What a camera sees in a frame, unloaded for None, without shading: only where the first
-    surfaces may be, those of the ``bodies``; and where that is in its image."""
+    surfaces may be, those of the ``bodies``; where that is in its image; and the elements of the
+    bodies' faces in it."""
     scene = objects.scene
     viewer, shutter = build_camera(spec, scene.input), build_shutter(spec)
     rate = scene.analysis.frame_rate
-    if frame is not None and shutter is not None and shutter.line_time:
+    late = 0.0 if frame is None else spec.late(frame)
+    rolls = shutter is not None and shutter.line_time
+    if frame is not None and (rolls or late):
         near = frames.near(frame, wide=rate is not None)
         now = objects.around(near, frame, (near[-1] - near[0]) / (rate or 1.0))
         if now is not None:
-            middle = opening(shutter, viewer) + 0.5 * shutter.exposure_time
-            surfaces, viewer = rolled(now, lambda _: viewer, middle, shutter.line_time)
+            surfaces = now(late)
+            if shutter is not None and rolls:
+                middle = opening(shutter, viewer) + 0.5 * shutter.exposure_time + late
+                surfaces, viewer = rolled(now, lambda _: viewer, middle, shutter.line_time)
             return (Frame(local_view(surfaces, viewer, lit=True), session.device),
-                    whole_window(viewer))  # fmt: skip
+                    whole_window(viewer), _cell_of_face(objects, surfaces))  # fmt: skip
     shown = objects.surfaces(frame)
     looked_for = shown[: len(objects.bodies) if bodies is None else bodies]
     window = window_of(looked_for, viewer, BAND) if session.options.skip else None
     window = window or whole_window(viewer)
-    return Frame(local_view(shown, window.camera(viewer), lit=True), session.device), window
+    frame_there = Frame(local_view(shown, window.camera(viewer), lit=True), session.device)
+    return frame_there, window, _cell_of_face(objects, shown)
 
 
 def _values(
@@ -171,11 +207,13 @@ def _values(
     return np.asarray(getattr(truth, layer))
 
 
-def _cell_of_face(objects: SceneObjects) -> Long:
-    """The element, counted over all bodies, of every face of the bodies' surfaces."""
+def _cell_of_face(objects: SceneObjects, surfaces: Sequence[Surface]) -> Long:
+    """The element, counted over all bodies, of every face of the bodies' ``surfaces``, in which a
+    rolling shutter may have faces cut into several."""
     first = np.cumsum([0, *(parts.mesh.cell_count for parts in objects.bodies)])
     cells = [
-        body.skin.cell_of_piece + start for body, start in zip(objects.bodies, first, strict=False)
+        np.repeat(body.skin.cell_of_piece + start, len(one.faces) // len(body.surface.faces))
+        for body, start, one in zip(objects.bodies, first, surfaces, strict=False)
     ]
     return np.concatenate(cells or [np.zeros(0, np.int64)])
 
@@ -190,6 +228,11 @@ def _write_nodes(file: TruthWriter, objects: SceneObjects, frames: FrameTable, w
             cells.setdefault(kind, []).append(block + np.int32(first))
     points = np.concatenate([parts.mesh.points for parts in bodies])
     file.write_mesh(points, {kind: np.concatenate(blocks) for kind, blocks in cells.items()})
-    for step, factor, *_ in frames:
+    for step, *_ in frames:
         u = np.concatenate([objects.displacement(body, step) for body in range(len(bodies))])
-        file.write_nodal_displacement(step, u, **{word: factor})
+        file.write_nodal_displacement(step, u, **_when(frames[step], word))
+
+
+def _when(frame: Instant, word: str) -> dict[str, float]:
+    """When a frame is: its load factor or what it has, and its time (s) if it is in time."""
+    return {word: frame.factor} | ({} if frame.time is None else {"time_s": frame.time})

@@ -23,7 +23,7 @@ from gpusim.scene.tables.table import (
     parallel,
 )
 
-from .lens import LensTable, ShutterTable
+from .lens import LensTable, ShutterTable, TriggerTable
 from .sensor import CameraSensorTable, Gains, SensorTable, merged
 
 PIXEL_SQUARE = 1e-3
@@ -99,6 +99,8 @@ class CameraTable(Table):
     """Without it a pinhole."""
     shutter: ShutterTable | None = None
     """Without it an instant."""
+    trigger: TriggerTable | None = None
+    """Without it frames are at their times."""
     channels: Literal["mono", "rgb"] = "mono"
     """Of its pictures: grey, or red, green and blue."""
     white_balance: Gains | None = None
@@ -135,6 +137,10 @@ class CameraTable(Table):
         if self.rotation_matrix is not None:
             return tuple(value for row in self.rotation_matrix for value in row)
         return self.rotation_vector or ()
+
+    def late(self, frame: int) -> float:
+        """s by which a ``frame`` is exposed after its time."""
+        return 0.0 if self.trigger is None else self.trigger.late(self.name, frame)
 
     @property
     def unsteady(self) -> bool:

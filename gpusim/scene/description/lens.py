@@ -1,12 +1,15 @@
-"""``[camera.lens]``, ``[camera.shutter]``: what a real camera does to a pinhole's image."""
+"""``[camera.lens]``, ``[camera.shutter]``, ``[camera.trigger]``: what a real camera does to a
+pinhole's image."""
 
 from __future__ import annotations
 
+from random import Random
+from statistics import NormalDist
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from gpusim.scene.tables.table import Length, Listed, Numbers, Table, Words, fault
+from gpusim.scene.tables.table import Length, Listed, Numbers, Seed, Table, Words, fault
 
 Rows = Annotated[tuple[Numbers, ...], Listed(1, 401)]
 
@@ -206,3 +209,31 @@ class ShutterTable(Table):
         if self.line_time:
             done.append(f"rolling shutter {1e6 * self.line_time:g} us a row")
         return done
+
+
+class TriggerTable(Table):
+    """When a camera's frames are exposed, while whoever measures in them takes the nominal times;
+    needs a motion that is known at any instant.
+
+    Example::
+
+        delay_us = 150.0
+        jitter_us = 2.0
+    """
+
+    delay_us: float = 0.0
+    """By how much all frames are late; less than 0: early."""
+    jitter_us: Annotated[float, Field(ge=0)] = 0.0
+    """RMS of what each frame is late or early besides, normally distributed."""
+    seed: Seed = 0
+    """Of the jitter; every camera and frame has its own, independent of the others."""
+
+    @property
+    def latest(self) -> float:
+        """s by which no frame is off."""
+        return float(abs(self.delay) + 8.3 * self.jitter)  # a share of 2^-53 lies beyond 8.2
+
+    def late(self, camera: str, frame: int) -> float:
+        """s by which a ``frame`` of the ``camera`` is late."""
+        share = Random(f"{self.seed} {camera} {frame}").random() or 0.5
+        return float(self.delay + self.jitter * NormalDist().inv_cdf(share))

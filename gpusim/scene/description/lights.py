@@ -15,6 +15,8 @@ from gpusim.scene.tables.table import (
     Length,
     Name,
     PositivePair,
+    Share,
+    Table,
     Vector,
     Words,
     between,
@@ -30,9 +32,50 @@ PANORAMA_SUFFIXES = (".hdr", ".pic", ".exr", ".tif", ".tiff", ".npy")
 Radiance = Annotated[float, Field(ge=0)]
 
 
-class _Lamp(TintedTable):
+class FlickerTable(Table):
+    """How light varies about its mean, which is what the light's other keys say: with the mains, or
+    switched on and off (pulse-width modulation). Frames are to be in time.
+
+    Example::
+
+        mains_Hz = 50.0
+        modulation = 0.3
+    """
+
+    mains_Hz: Length | None = None
+    """1 + modulation cos(4 pi mains_Hz t + phase_deg) of the mean."""
+    modulation: Share | None = None
+    """With ``mains_Hz``: 0 is steady light; at 1 it is dark between its peaks."""
+    pwm_Hz: Length | None = None
+    """How often it is switched on."""
+    duty: Annotated[float, Field(gt=0, le=1)] | None = None
+    """With ``pwm_Hz``: the share of each period in which it shines, with 1 / duty of the mean."""
+    phase_deg: float = 0.0
+    """Of the light, at time 0."""
+
+    @model_validator(mode="after")
+    def _check(self) -> FlickerTable:
+        given = {key for key, value in self if value is not None} - {"phase_deg"}
+        if given not in ({"mains_Hz", "modulation"}, {"pwm_Hz", "duty"}):
+            wanted = "mains_Hz and modulation, or pwm_Hz and duty"
+            got = Words(" ".join(sorted(given)) or "nothing")
+            raise fault("", "how light varies is to be said in one way", got, wanted)
+        return self
+
+    @property
+    def frequency(self) -> float:
+        """Of the light (Hz)."""
+        return self.pwm_Hz or 2.0 * (self.mains_Hz or 0.0)
+
+
+class _Light(TintedTable):
     name: Name
     """What messages and --set call it."""
+    flicker: FlickerTable | None = None
+    """Without it steady light."""
+
+
+class _Lamp(_Light):
     shadows: bool = True
     """Whether surfaces hide it."""
 
@@ -144,7 +187,7 @@ class SunTable(_Lamp):
     """How large it looks: the softness of its shadows."""
 
 
-class AmbientTable(TintedTable):
+class AmbientTable(_Light):
     """What the surroundings send back, equally from every direction.
 
     Example::
@@ -154,8 +197,6 @@ class AmbientTable(TintedTable):
         radiance_W_m2_sr = 0.5
     """
 
-    name: Name
-    """What messages and --set call it."""
     type: Literal["ambient"]
     radiance_W_m2_sr: Length
     """Radiance of the surroundings."""
@@ -163,7 +204,7 @@ class AmbientTable(TintedTable):
     """Whether bodies and props hide it from each other (ambient occlusion)."""
 
 
-class EnvironmentTable(TintedTable):
+class EnvironmentTable(_Light):
     """Surroundings that light all faces and are mirrored by glossy ones: bright sky (or ceiling)
     above and ground below, or a picture of them all.
 
@@ -175,8 +216,6 @@ class EnvironmentTable(TintedTable):
         ground_W_m2_sr = 0.3
     """
 
-    name: Name
-    """What messages and --set call it."""
     type: Literal["environment"]
     sky_W_m2_sr: Radiance | None = None
     """Radiance above the horizon; or give file."""

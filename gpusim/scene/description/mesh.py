@@ -346,15 +346,15 @@ class FileMeshTable(InFileUnitsTable):
         return self
 
 
-MeshTable = Annotated[
+_Built = (
     BoxMeshTable
     | BeamMeshTable
     | CraneMeshTable
     | PlateMeshTable
     | BracketMeshTable
-    | FileMeshTable,
-    Field(discriminator="builder"),
-]
+    | FileMeshTable
+)
+MeshTable = Annotated[_Built, Field(discriminator="builder")]
 
 
 class FieldMeshTable(InFileUnitsTable):
@@ -387,12 +387,4 @@ class FieldMeshTable(InFileUnitsTable):
         return self
 
 
-MeshRecipe = (
-    BoxMeshTable
-    | BeamMeshTable
-    | CraneMeshTable
-    | PlateMeshTable
-    | BracketMeshTable
-    | FileMeshTable
-    | FieldMeshTable
-)
+MeshRecipe = _Built | FieldMeshTable

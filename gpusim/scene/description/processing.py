@@ -14,6 +14,7 @@ TruthLayer = Literal[
     "displacement",
     "depth",
     "flow",
+    "forward_flow",
     "region",
     "element",
     "visibility",
@@ -70,6 +71,9 @@ class OutputTable(Table):
 
     truth: Annotated[tuple[TruthLayer, ...], Listed(different=True)] = ()
     """Layers of truth.h5, per camera and frame, where a body is seen (not a prop)."""
+    labels: bool = False
+    """Where bodies and props, and the middles of their markers and corners of their boards, are in
+    every picture: labels.json."""
     vtu: bool = False
     """The solution for ParaView."""
     stress: bool = False

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from gpusim.scene.tables.table import Listed, Name, Table, Words, fault
 
-from .analysis.analysis_table import TABLES, AnyAnalysis
+from .analysis.analysis_table import TABLES, AnalysisTable, AnyAnalysis
 from .analysis.loads import Amplitude, Load, LoadTable, SupportTable, TieTable, WhereTable
 from .analysis.statics import FieldTable, StaticTable
 from .analysis.transient import TransientTable
@@ -271,6 +271,15 @@ class SceneTable(Table):
         """What tables take from others where they don't say it themselves."""
         for index, camera in enumerate(self.camera):
             camera.equip(self.sensor, f"camera.{index}")
+        self.filmed()
         if self.calibration is not None:
             self.calibration.photographed(tuple(camera.name for camera in self.camera))
         return self
+
+    def filmed(self) -> tuple[AnalysisTable, tuple[CameraTable, ...]]:
+        """The analysis and the cameras, with the frame rate and the exposure of [video] where they
+        don't say their own. Raises a fault of the key ``analysis``."""
+        if self.video is None:
+            return self.analysis, self.camera
+        cameras = tuple(map(self.video.exposed, self.camera))
+        return self.analysis.at_rate(self.video.frame_rate_Hz), cameras

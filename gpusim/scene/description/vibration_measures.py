@@ -12,7 +12,7 @@ from gpusim.scene.tables.table import Name, Pair, PositivePair, Vector, fault
 from .analysis.analysis_table import check_band
 from .correlation_measures import one_of_each
 from .measure_table import MeasureFault, MeasureTable
-from .video import has_frame_rate
+from .video import frame_rate_in
 
 LEAST_FRAMES = 64
 """Of which modes can be told."""
@@ -84,18 +84,15 @@ class ModesTable(MeasureTable):
         cls, entry: Mapping[str, Any], document: Mapping[str, Any]
     ) -> Iterator[MeasureFault]:
         """Frames are in time, as many and as fast as what is looked for needs."""
-        analysis = document.get("analysis")
-        known = analysis if isinstance(analysis, Mapping) else {}
-        rate, wanted = known.get("frame_rate_Hz"), "analysis.frame_rate_Hz"
+        rate = frame_rate_in(document)
         if rate is None:
-            if not has_frame_rate(str(known.get("type", "static"))):
-                wanted = 'analysis.type = "transient": frames of others show phases, not instants'
+            wanted = 'analysis.frame_rate_Hz, and of type "modal" or "harmonic" duration_s'
             yield ("type",), "without a time between frames", "modes", wanted
         band = entry.get("band_Hz")
         if isinstance(band, list) and isinstance(rate, int | float):
             fast = [one for one in band if isinstance(one, int | float) and one >= 0.5 * rate]
             if fast:
-                wanted = f"below {0.5 * rate:g}, half of analysis.frame_rate_Hz"
+                wanted = f"below {0.5 * rate:g}, half of the frame rate"
                 yield ("band_Hz",), "faster than frames show", fast[-1], wanted
         if isinstance(subset := entry.get("subset_px"), int) and subset % 2 == 0:
             yield ("subset_px",), "even", subset, "an odd number"

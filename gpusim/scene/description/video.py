@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from gpusim.scene.tables.table import SeveralNames, Table, tables_of
+from gpusim.scene.tables.table import Names, Table, table_of
 
-from .analysis.analysis_table import TABLES
+from .analysis.analysis_table import TABLES, AnalysisTable
 from .camera import CameraTable
+from .lens import ShutterTable
 
 VideoFormat = Literal["ffv1", "mraw", "tiff", "png", "mp4"]
 
@@ -28,45 +29,41 @@ class VideoTable(Table):
     format: VideoFormat = "ffv1"
     """"ffv1": without loss, video/<camera>.mkv; "mraw": Photron's, video/<camera>.cih; "tiff" or
     "png": pictures in video/<camera>/; "mp4": H.264 of 8 bits, with loss."""
-    cameras: SeveralNames | None = None
-    """Names of those that film; without it all."""
+    cameras: Names | None = None
+    """Names of those that film; without it all, of [] none: then it says how pictures are taken."""
     frame_rate_Hz: Annotated[float, Field(gt=0)] | None = None
     """How fast frames follow each other: ``analysis.frame_rate_Hz``, said here or there. Of frames
     that aren't in time, modes and phases, how fast the film is to be played."""
     exposure_us: Annotated[float, Field(ge=0)] | None = None
     """The ``shutter.exposure_ms`` of cameras without a ``shutter``."""
 
+    def exposed(self, camera: CameraTable) -> CameraTable:
+        """A camera with a shutter of this exposure if it has none of its own."""
+        if camera.shutter is not None or self.exposure_us is None:
+            return camera
+        shutter = ShutterTable.model_construct(exposure_ms=1e-3 * self.exposure_us)
+        return camera.model_copy(update={"shutter": shutter})
+
 
 def filming(video: VideoTable | None, cameras: Iterable[CameraTable]) -> tuple[str, ...]:
     """Names of the ``cameras`` that film."""
-    every = tuple(camera.name for camera in cameras)
-    return () if video is None else video.cameras or every
+    if video is None:
+        return ()
+    return tuple(one.name for one in cameras) if video.cameras is None else video.cameras
 
 
-def has_frame_rate(analysis: str) -> bool:
-    """Whether frames of a type of analysis are in time."""
-    return analysis in TABLES and "frame_rate_Hz" in TABLES[analysis].model_fields
+def frame_rate_in(document: Mapping[str, Any]) -> Any:
+    """How fast frames of a plain document follow each other (Hz): None where they aren't in time,
+    or nobody says it; no number where a key that nobody knows may say it."""
+    analysis, video = (table_of(document, key) for key in ("analysis", "video"))
+    kind = TABLES.get(str(analysis.get("type", "static")), AnalysisTable)
+    rate = analysis.get("frame_rate_Hz")
+    if rate is not None or not kind.in_time(analysis):
+        return rate
+    unknown = any(unknown_keys(*one) for one in ((analysis, kind), (video, VideoTable)))
+    return video.get("frame_rate_Hz", "unknown" if unknown else None)
 
 
-def complete_from_video(document: dict[str, Any], earlier: Any = None) -> None:
-    """Put the frame rate and the exposure of [video] where tables don't say their own, in place.
-
-    ``earlier``: [video] before it was overridden; what tables have from there gives way.
-    """
-    video = document.get("video")
-    if not isinstance(video, dict):
-        return
-    earlier = earlier if isinstance(earlier, dict) else {}
-    rate, exposure = video.get("frame_rate_Hz"), video.get("exposure_us")
-    analysis = document.setdefault("analysis", {})
-    if rate is not None and isinstance(analysis, dict):
-        kind = analysis.get("type", "static")
-        if isinstance(kind, str) and has_frame_rate(kind):
-            own = analysis.setdefault("frame_rate_Hz", rate)
-            analysis["frame_rate_Hz"] = rate if own == earlier.get("frame_rate_Hz") else own
-    if isinstance(exposure, int | float):
-        before, exposed = earlier.get("exposure_us"), {"exposure_ms": 1e-3 * exposure}
-        for _, camera in tables_of(document, "camera"):
-            shutter = camera.setdefault("shutter", dict(exposed))
-            if isinstance(before, int | float) and isinstance(shutter, dict):
-                shutter |= exposed if shutter.get("exposure_ms") == 1e-3 * before else {}
+def unknown_keys(table: Mapping[str, Any], kind: type[Table]) -> bool:
+    """Whether it has a key that its kind doesn't."""
+    return not table.keys() <= {one.alias or key for key, one in kind.model_fields.items()}

@@ -8,6 +8,6 @@ In the order in which data passes:
   key.
 - `cross_references`: Checks between tables of a scene: unique names, references that exist,
   physics that is complete.
-- `vibrations`: Checks of scenes whose bodies vibrate or buckle: mass, and loads that mean something
-  there.
+- `vibrations`: Checks of scenes whose bodies vibrate or buckle: mass, loads that mean something
+  there, and what is only known in time.
 """

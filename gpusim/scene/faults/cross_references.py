@@ -15,7 +15,8 @@ from gpusim.scene.description.analysis.analysis_table import frame_count
 from gpusim.scene.description.material import FINITE_STRAIN, FLOWING, NO_FLOW
 from gpusim.scene.description.measure_table import TABLES
 from gpusim.scene.description.mesh import NOTCHABLE, SETS
-from gpusim.scene.tables.table import Words, tables_of
+from gpusim.scene.description.video import VideoTable, frame_rate_in, unknown_keys
+from gpusim.scene.tables.table import Words, table_of, tables_of
 
 from .faults import value_text
 from .key_paths import Keys, dotted, listed
@@ -57,11 +58,6 @@ def check_document(document: Mapping[str, Any]) -> Found:
     return checks.found
 
 
-def _table(table: Mapping[str, Any], key: str) -> Mapping[str, Any] | None:
-    found = table.get(key, {})
-    return found if isinstance(found, Mapping) else None
-
-
 def _names(items: list[Item]) -> Names | None:
     """Names of the items; None if one has none, because a reference may mean that one."""
     names = [item.get("name") for _, item in items]
@@ -92,10 +88,11 @@ class _Checks:
 
     def __init__(self, document: Mapping[str, Any]) -> None:
         self.document, self.found = document, Found()
-        self.analysis = _table(document, "analysis")
-        kind = "" if self.analysis is None else str(self.analysis.get("type", "static"))
-        self.analysis_type = ANALYSES.get(kind)
-        self.frames = frame_count(self.analysis)
+        self.analysis = table_of(document, "analysis")
+        self.analysis_type = ANALYSES.get(str(self.analysis.get("type", "static")))
+        self.rate = frame_rate_in(document)
+        timed = {} if self.rate is None else {"frame_rate_Hz": self.rate}
+        self.frames = frame_count({**self.analysis, **timed})
         self.frames_key = self.analysis_type.frames_key if self.analysis_type else "type"
         lists = ("material", "body", "prop", "camera", "measure", "variant")
         self.materials, self.bodies, self.props, self.cameras, self.measures, self.variants = (
@@ -207,7 +204,7 @@ class _Checks:
                 else:
                     named = names[what]
                 *outer, last = key.split(".")
-                holder = _table(measure, outer[0]) or {} if outer else measure
+                holder = table_of(measure, outer[0]) if outer else measure
                 self.refer_each((*at, *outer, last), holder.get(last), named, what)
             for keys, *fault in table.faults(measure, self.document):
                 self.add((*at, *keys), *fault)
@@ -246,7 +243,7 @@ class _Checks:
         """Nothing that linear theory doesn't know where that is asked for; no metal in elements
         that can't flow."""
         types = {str(one.get("name")): str(one.get("type")) for _, one in self.materials}
-        linear = self.analysis is not None and self.analysis.get("geometry") == "linear"
+        linear = self.analysis.get("geometry") == "linear"
         for index, body in self.bodies:
             at: Keys = ("body", index)
             named = [((*at, "material"), body.get("material"))]
@@ -254,7 +251,7 @@ class _Checks:
                 ((*at, "part", place, "material"), part.get("material"))
                 for place, part in tables_of(body, "part")
             ]
-            mesh = _table(body, "mesh") or {}
+            mesh = table_of(body, "mesh")
             for keys, name in named:
                 kind = types.get(str(name))
                 if linear and kind in FINITE_STRAIN:
@@ -293,7 +290,6 @@ class _Checks:
         """Displacements are given for every body, or for none."""
         if self.analysis_type is None:
             return
-        assert self.analysis is not None
         kind = self.analysis.get("type", "static")
         for index, body in self.bodies:
             if self.analysis_type.given and "field" not in body:
@@ -326,7 +322,7 @@ class _Checks:
 
     def outputs(self) -> None:
         """Cameras for those that are of cameras, and not more than they take."""
-        output, cameras = _table(self.document, "output") or {}, len(self.cameras)
+        output, cameras = table_of(self.document, "output"), len(self.cameras)
         if output.get("calibration") and not cameras:
             got, wanted = Words("no camera"), "at least one [[camera]]"
             self.add(("output", "calibration"), "needs a camera", got, wanted)
@@ -341,20 +337,20 @@ class _Checks:
 
     def films(self) -> None:
         """There are cameras that film, and one frame rate."""
-        video = self.document.get("video")
-        if not isinstance(video, Mapping):
-            return
+        video, own = table_of(self.document, "video"), self.analysis.get("frame_rate_Hz")
+        where = "video" if "video" in self.document else "analysis"
         self.refer_each(("video", "cameras"), video.get("cameras"), _names(self.cameras), "camera")
-        if not self.cameras:
+        if where == "video" and not self.cameras:
             got, wanted = Words("no camera"), "at least one [[camera]]"
             self.add(("video",), "needs a camera", got, wanted)
-        own, rate = video.get("frame_rate_Hz"), (self.analysis or {}).get("frame_rate_Hz")
-        if own is None and rate is None:
-            got, wanted = Words("no frame_rate_Hz"), "frames per second"
-            self.add(("video", "frame_rate_Hz"), "missing", got, wanted)
-        if None not in (own, rate) and own != rate:
-            wanted = f"{value_text(rate)}, which analysis.frame_rate_Hz says, or one of them"
-            self.add(("video", "frame_rate_Hz"), "said twice", own, wanted)
+        rate = video.get("frame_rate_Hz", own)
+        asked = where == "video" or "duration_s" in self.analysis
+        if rate is self.rate is None and asked and not unknown_keys(video, VideoTable):
+            got, wanted = Words("no frame_rate_Hz"), "frames per second, in [video] or [analysis]"
+            self.add((where, "frame_rate_Hz"), "missing", got, wanted)
+        if own not in (None, rate):
+            wanted = f"{value_text(own)}, which analysis.frame_rate_Hz says, or one of them"
+            self.add(("video", "frame_rate_Hz"), "said twice", rate, wanted)
 
     def shadows(self) -> None:
         """Every lamp casts shadows unless it says that it doesn't; surroundings cast none."""
@@ -372,19 +368,21 @@ class _Checks:
 
     def shutters(self) -> None:
         """What moves while a shutter is open depends on how fast frames follow each other."""
-        rate = (self.analysis or {}).get("frame_rate_Hz")
-        for index, camera in self.cameras:
-            shutter, at = camera.get("shutter"), ("camera", index, "shutter")
-            if not isinstance(shutter, Mapping):
-                continue
-            if rate is None and not (self.analysis_type and self.analysis_type.vibrates):
+        rate, kind, video = self.rate, self.analysis_type, table_of(self.document, "video")
+        shutters: list[tuple[Keys, Mapping[str, Any], str, float]] = [
+            (("camera", index, "shutter"), table_of(camera, "shutter"), "exposure_ms", 1e3)
+            for index, camera in self.cameras if "shutter" in camera
+        ]  # fmt: skip
+        shutters += [(("video",), video, "exposure_us", 1e6)] * ("exposure_us" in video)
+        for at, shutter, key, per_second in shutters:
+            if rate is None and not (kind and kind.vibrates):
                 got, wanted = Words("a shutter"), "analysis.frame_rate_Hz beside it"
-                if self.analysis_type and "frame_rate_Hz" not in self.analysis_type.model_fields:
+                if kind and "frame_rate_Hz" not in kind.model_fields:
                     wanted = "no shutter: frames show shapes, and nothing moves from one to another"
                 self.add(at, "without a time between frames", got, wanted)
                 continue
-            exposure = shutter.get("exposure_ms", 0)
+            exposure = shutter.get(key, 0)
             if isinstance(exposure, int | float) and isinstance(rate, int | float) and rate > 0:
-                if not exposure <= 1000.0 / rate * (1 + 1e-9):
-                    wanted = f"at most {1000.0 / rate:g}"
-                    self.add((*at, "exposure_ms"), "longer than a frame", exposure, wanted)
+                if not exposure <= per_second / rate * (1 + 1e-9):
+                    wanted = f"at most {per_second / rate:g}"
+                    self.add((*at, key), "longer than a frame", exposure, wanted)

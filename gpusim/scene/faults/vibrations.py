@@ -1,4 +1,5 @@
-"""Checks of scenes whose bodies vibrate or buckle: mass, and loads that mean something there."""
+"""Checks of scenes whose bodies vibrate or buckle: mass, loads that mean something there, and what
+is only known in time."""
 
 from __future__ import annotations
 
@@ -6,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from gpusim.scene.description.analysis.analysis_table import TABLES
-from gpusim.scene.tables.table import Words, tables_of
+from gpusim.scene.tables.table import Words, table_of, tables_of
 
 from .key_paths import Keys
 
@@ -18,11 +19,11 @@ _UNVARIED = ("modal", "harmonic", "buckling")
 
 def vibration_faults(document: Mapping[str, Any]) -> Iterator[VibrationFault]:
     """Of a plain document; few of one with another kind of analysis."""
-    analysis = document.get("analysis")
-    analysis = analysis if isinstance(analysis, Mapping) else {}
+    analysis = table_of(document, "analysis")
     kind = str(analysis.get("type", "static"))
     if kind not in TABLES:
         return
+    yield from _of_instants(document, kind, analysis)
     names: list[str] = []
     for index, body in tables_of(document, "body"):
         at: Keys = ("body", index)
@@ -36,6 +37,26 @@ def vibration_faults(document: Mapping[str, Any]) -> Iterator[VibrationFault]:
                    "analysis.prestress = true, or no load")  # fmt: skip
         yield from _of_supports(kind, analysis, body, at)
     yield from _of_analysis(kind, analysis, names)
+
+
+def _of_instants(
+    document: Mapping[str, Any], kind: str, analysis: Mapping[str, Any]
+) -> Iterator[VibrationFault]:
+    """Lamps flicker where frames are in time; cameras are late where motions are known then."""
+    video, got = document.get("video"), Words(f'analysis.type "{kind}"')
+    said = [analysis, video] if isinstance(video, Mapping) else [analysis]
+    timed = any(table.get("frame_rate_Hz") is not None for table in said)
+    if not timed or "frame_rate_Hz" not in TABLES[kind].model_fields:
+        for index, light in tables_of(document, "light"):
+            if light.get("flicker") is not None:
+                wanted = "frame_rate_Hz of an analysis whose frames are instants"
+                yield ("light", index, "flicker"), "frames aren't in time", got, wanted
+    posed = any(prop.get("poses") for _, prop in tables_of(document, "prop"))
+    if posed or not TABLES[kind].vibrates:
+        for index, camera in tables_of(document, "camera"):
+            if camera.get("trigger") is not None:
+                wanted = "a motion that is known at any instant, and no poses of props"
+                yield ("camera", index, "trigger"), "nothing is known between frames", got, wanted
 
 
 def _of_materials(

@@ -278,6 +278,12 @@ def _numbers(value: object) -> Iterator[float]:
             yield from _numbers(item)
 
 
+def table_of(document: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    """A table of a plain document; what is none is an empty one."""
+    table = document.get(key)
+    return table if isinstance(table, Mapping) else {}
+
+
 def tables_of(document: Mapping[str, Any], key: str) -> Iterator[tuple[int, dict[str, Any]]]:
     """The tables of a list in a plain document, with their places; what is none is left out."""
     items = document.get(key)

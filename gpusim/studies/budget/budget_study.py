@@ -70,7 +70,7 @@ def with_rig(study: Study, out: Path) -> Study:
     cameras = [build_camera(one, scene.input) for one in scene.cameras]
     write_text(path, calibration_text(cameras, "opencv", "mm", str(path)))
     for spec in pairs:
-        if spec.calibration in (None, "true"):
+        if getattr(spec, "calibration", None) in (None, "true"):
             scene = scene.replace(f"measure.{spec.name}.calibration", str(path))
     return replace(study, scene=scene)
 
@@ -85,7 +85,7 @@ def uncertainty_budget(study: Study, table: SampleTable) -> UncertaintyBudget:
     errors = np.column_stack([table.of(one) for one in quantities])
 
     def of(source: str) -> Float:
-        return errors[table["source"] == source]
+        return np.asarray(errors[table["source"] == source])
 
     known = [
         SourceDraws(one.name, one.parameters, one.values, of(one.name), one.degrees_of_freedom)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -79,6 +80,29 @@ def test_what_is_not_damped() -> None:
         modes = identify_modes(series(modal, noise), excitation="release")
         np.testing.assert_allclose(modes.frequency_Hz, HERTZ, rtol=1e-3)
         assert np.abs(modes.damping).max() < 1e-3
+
+
+def rolled(modal: Float, line_time: float) -> PointSeries:
+    """Three masses in rows 0, 1 and 3, from coordinates (4 T, 3) at the times of the rows."""
+    values = np.stack([(modal @ SHAPES[:, k])[row::4] for k, row in enumerate((0, 1, 3))], axis=1)
+    points, times = [[0, 0], [0, 1], [0, 3]], np.arange(len(values)) / RATE
+    one = PointSeries.of(times, points, values[:, :, None] * np.array([0.8, 0.6]))
+    return replace(one, line_time=line_time)
+
+
+@pytest.mark.parametrize("method", ["release", "ssi", "fdd"])
+def test_rows_of_a_rolling_shutter_are_seen_at_their_own_times(method: str) -> None:
+    options = {"method": method}
+    modal = random_vibration(ANGULAR, DAMPING, 4 * RATE, 160_000, seed=3)
+    if method == "release":
+        options = {"excitation": method}
+        modal = free_decay(ANGULAR, DAMPING, np.arange(2800) / (4 * RATE), np.array([1, 0.3, 0.1]))
+    turned = identify_modes(rolled(modal, 0.0), band_Hz=(3, 30), **options)
+    modes = identify_modes(rolled(modal, 0.25 / RATE), band_Hz=(3, 30), **options)
+    exact = 1e-9 if method == "release" else 1e-3
+    assert mac(modes.shapes[:, :, 0], SHAPES).diagonal().min() > 1 - exact
+    assert modes.complexity.max() < 10 * exact < 0.05 < turned.complexity.max()
+    np.testing.assert_array_equal(modes.frequency_Hz, turned.frequency_Hz)
 
 
 def test_points_that_were_lost_are_left_out() -> None:

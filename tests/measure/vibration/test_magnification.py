@@ -74,9 +74,10 @@ def test_parts_of_time_and_picture_make_no_difference(monkeypatch: pytest.Monkey
     source = Frames(frames, [str(k) for k in range(40)], TIMES[:40])
     whole = np.array(list(magnify(source, BAND, 20)))
     assert whole.dtype == np.uint16 and sorted(read) == [0, *range(40)]
-    monkeypatch.setattr(magnification, "MEMORY", 90_000_000)
-    parts, count = magnification._parts((130, 63), 41)
+    monkeypatch.setattr(magnification, "MEMORY", 20_000_000)
+    parts, count = magnification._parts((130, 63), 41, 40)
     assert len(parts) == 2 and count == 82
+    monkeypatch.setattr(magnification, "_parts", lambda *of: (parts, 15))
     parted = np.array(list(magnify(source, BAND, 20)))
     difference = (parted.astype(np.float64) - whole)[:, 8:-8, 8:-8]
     assert difference.std() < 0.01 * whole.std()

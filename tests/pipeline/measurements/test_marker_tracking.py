@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from gpusim import measure
+from gpusim.measure.structures import marker_crosses
 from gpusim.optics import Camera, Sensor
-from gpusim.pipeline.measurements.marker_detection import MarkerSet
 from gpusim.pipeline.measurements.marker_measurement import MarkerResult
+from gpusim.pipeline.measurements.marker_set import MarkerSet
 from gpusim.pipeline.measurements.marker_tracking import FirstPicture, MarkerTracks
 from gpusim.pipeline.measurements.results import PointTable
 from tests.support.measure_images import Marker, board
@@ -56,7 +57,8 @@ def test_the_first_picture_is_searched_once(monkeypatch: pytest.MonkeyPatch) -> 
         looked.append(len(near))
         return locate(image, near, *rest)
 
-    monkeypatch.setattr(measure, "locate_markers", counted)
+    for module in (measure, marker_crosses):
+        monkeypatch.setattr(module, "locate_markers", counted)
     motions = [np.array([0.7 * k, -0.4 * k]) for k in range(4)]
     pictures = [picture(motion) for motion in motions]
     first = FirstPicture.of("measure 'line'", marker_set(), camera(), pictures[0], Sensor(8))

@@ -95,7 +95,7 @@ def test_the_truth_of_a_window_is_that_of_the_whole() -> None:
     for skip in (True, False):
         objects = SceneObjects(scene, [one.shown for one in frames], props=props)
         session = Session(RunOptions("numpy", skip=skip))
-        frame, window = sight(objects, scene.cameras[0], frames, None, session, bodies=1)
+        frame, window, _ = sight(objects, scene.cameras[0], frames, None, session, bodies=1)
         truth = frame.truth(faces=(0, len(props[0].faces)))
         found.append((truth, truth.row + window.top, truth.column + window.left))
         assert (frame.width * frame.height < 0.7 * 300 * 200) == skip

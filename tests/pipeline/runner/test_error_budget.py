@@ -9,8 +9,11 @@ import pytest
 import gpusim as gs
 from gpusim.cli.tables import print_budget
 from gpusim.errors import InputError
-from gpusim.pipeline.runner.error_budget import run_budget
+from gpusim.pipeline.runner.effect_states import EffectStates, documents_of_states
+from gpusim.pipeline.runner.error_budget import FOLDER, run_budget
 from gpusim.pipeline.scene_objects.cameras import build_camera
+from gpusim.scene.description.video import filming
+from gpusim.scene.effects import active_effects
 from tests.support.shifted_plate import shifted_plate
 from tests.support.speckled_plate import speckled_plate
 
@@ -31,6 +34,29 @@ def test_the_budget_of_noise(checkout: Path, tmp_path: Path) -> None:
     assert budget.row("no", "noise").errors == pytest.approx(budget.row("none").errors, rel=1e-9)
     assert budget.row("all").errors[rms] > 3.0 * budget.row("none").errors[rms]
     assert '"budget": {' in (tmp_path / "report.json").read_text(encoding="utf-8")
+
+
+def test_a_shutter_of_video_is_an_effect_of_its_own(checkout: Path) -> None:
+    """States film nothing, and their frames follow each other as fast."""
+    changes = {"video": {"frame_rate_Hz": 25.0, "exposure_us": 9e3, "format": "png"}, "light": []}
+    scene = gs.load_scene(checkout / "examples" / "cantilever.toml", changes)
+    effects = active_effects(scene.document)
+    assert effects == ("quantisation", "motion")
+    scenes = EffectStates(FOLDER, effects, documents_of_states(scene.document, effects)).scenes(
+        scene
+    )
+    shutters = {
+        name: [camera.shutter and camera.shutter.exposure for camera in one.cameras]
+        for name, one in scenes.items()
+    }
+    blurred, sharp = [9e-3] * len(scene.cameras), [None] * len(scene.cameras)
+    assert shutters == {
+        "": blurred, "budget/none": sharp, "budget/only-quantisation": sharp,
+        "budget/only-motion": blurred, "budget/no-quantisation": blurred, "budget/no-motion": sharp,
+    }  # fmt: skip
+    assert {one.analysis.frame_rate for one in scenes.values()} == {25.0}
+    films = [filming(one.video, one.cameras) for one in scenes.values()]
+    assert films[0] and not any(films[1:])
 
 
 def test_a_budget_needs_measures_and_effects(checkout: Path, tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from gpusim.pipeline.scene_objects.surfaces import build_body
 from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import load_groups
+from gpusim.scene.frames import frame_table
 from gpusim.view.content.loading import load_content
 from tests.support.small_scene import DOCUMENT, small_scene
 
@@ -51,6 +52,50 @@ def test_frames_show_modes_in_their_phases(modal: Scene) -> None:
         assert not bar.displacement(frame + 1).any()
         assert np.abs(bar.displacement(frame + 2) + u).max() <= 1e-12
     assert bar.reactions(1).shape == (0, 3)
+
+
+IN_TIME = {"duration_s": 0.01, "frame_rate_Hz": 1000.0}
+
+
+def test_frames_of_a_duration_are_in_time(modal: Scene) -> None:
+    """Each mode at its own frequency, all at once, from their place at rest."""
+    video = {"frame_rate_Hz": 1000.0, "exposure_us": 300.0}
+    analysis = {key: value for key, value in MODAL.items() if key != "phases"}
+    scene = small_scene(**{**modal.document, "analysis": {**analysis, "duration_s": 0.01},
+                           "video": video})  # fmt: skip
+    bar, found = scene.solution()["bar"], gs.modes(model_of(scene), 4)
+    assert bar.frames == 11 and not bar.displacement(0).any()
+    motion, state = scene_contents(scene).vibrations(4)[0]
+    now, speed = np.zeros_like(found.shapes[0]), np.zeros_like(found.shapes[0])
+    for mode in (0, 2):
+        shape, angular = found.shapes[mode], 2.0 * np.pi * found.frequencies[mode]
+        u = 3e-3 * shape / np.linalg.norm(shape, axis=1).max()
+        now += u * np.sin(0.004 * angular)
+        speed += angular * u * np.cos(0.004 * angular)
+    assert np.abs(bar.displacement(4) - now).max() <= 1e-9
+    assert np.abs(motion.velocity(state) - speed).max() <= 1e-6 * np.abs(speed).max()
+    table = frame_table(scene)
+    assert [table[k].time for k in (0, 4, 10)] == [0.0, 0.004, 0.01]
+    assert table[4].shown.states == ((-1.0, -0.25, 0.004),)
+    assert scene.analysis.frame_text(4) == "time 0.004 s"
+    keys = [_solve_key(one) for one in (modal, scene)]
+    assert keys[0] == keys[1], "modes are solved again to be filmed"
+
+
+def test_a_rolling_shutter_films_a_mode_row_by_row(modal: Scene) -> None:
+    """At any instant around any frame the sine of that time."""
+    analysis = {**MODAL, **IN_TIME}
+    del analysis["phases"]
+    scene = small_scene(**{**modal.document, "analysis": {**analysis, "modes": [1]}})
+    objects = scene_contents(scene)
+    motion, state = objects.vibrations(7)[0]
+    rate, amplitude = gs.modes(model_of(scene), 4).frequencies[0], motion.displacement((1.0, 0.0))
+    for later in (-3e-4, 0.0, 2.5e-3):
+        u = motion.displacement(motion.later(state, later))
+        now = amplitude * np.sin(2.0 * np.pi * rate * (0.007 + later))
+        assert np.abs(u - now).max() <= 1e-12
+    in_time = objects.around((7,), 7, 0.0)
+    assert in_time is not None and objects.around((0,), 0, 0.0) is not None
 
 
 def test_a_camera_sees_what_happens_while_its_shutter_is_open(modal: Scene) -> None:
@@ -134,6 +179,10 @@ def test_a_steady_vibration_lags_behind_its_load() -> None:
     scene = scene_of(given)
     bar = scene.solution()["bar"]
     found = gs.harmonic(model_of(scene), [100.0, 143.0], damping=gs.ModalDamping(0.02))
+    del given["phases"]
+    filmed = scene_of({**given, "duration_s": 0.002, "frame_rate_Hz": 800.0}).solution()["bar"]
+    u = sum(found.at(k, 2.0 * np.pi * rate / 800.0) for k, rate in enumerate((100.0, 143.0)))
+    assert filmed.frames == 2 and np.abs(filmed.displacement(1) - u).max() <= 1e-9
     assert bar.frames == 9 and not bar.displacement(0).any()
     for frame, number, phase in ((1, 0, 0.0), (2, 0, 0.5), (7, 1, 1.0)):
         u = found.at(number, np.pi * phase)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
@@ -95,11 +96,11 @@ def test_a_shutter_before_what_does_not_move() -> None:
 @pytest.mark.parametrize(
     ("analysis", "line"),
     [
-        ({"type": "transient", "duration_s": 1.0}, "analysis.frame_rate_Hz: missing; expected "
-         "a number > 0 (the camera's)"),
+        ({"type": "transient", "duration_s": 1.0}, "analysis.frame_rate_Hz: missing; got no "
+         "frame_rate_Hz; expected frames per second, in [video] or [analysis]"),
         ({**MODAL, "load_factors": [0.0, 2.0]}, 'analysis.load_factors: unknown key; expected '
-         'one of type, count, modes, amplitude_mm, band_Hz, phases, mass, prestress (a key of '
-         '"static")'),
+         'one of type, count, modes, amplitude_mm, phases, duration_s, frame_rate_Hz, band_Hz, '
+         'mass, prestress (a key of "static")'),
         ({**MODAL, "band_Hz": [10.0, 5.0], "modes": [1]}, "analysis.band_Hz: no band"),
         ({**MODAL, "band_Hz": [10.0, 50.0]}, "analysis.modes: missing beside band_Hz"),
         ({**MODAL, "count": 3, "modes": [4]}, "analysis.modes: more than count; got 4; expected at "
@@ -123,6 +124,13 @@ def test_a_shutter_before_what_does_not_move() -> None:
         ({**TRANSIENT, "method": "hht", "count": 5}, 'analysis.count: of method "hht"'),
         ({**TRANSIENT, "duration_s": 1e6}, "analysis.duration_s: too many frames; got 1e+09 "
          "frames; expected at most 10000"),
+        ({**MODAL, "phases": 2, "duration_s": 1.0, "frame_rate_Hz": 9.0},
+         "analysis.phases: beside duration_s; got 2; expected one of them"),
+        ({**MODAL, "frame_rate_Hz": 9.0}, "analysis.frame_rate_Hz: of frames that are phases; got "
+         "9.0; expected duration_s beside it"),
+        ({**MODAL, "duration_s": 1.0}, "analysis.frame_rate_Hz: missing; got no frame_rate_Hz"),
+        ({**MODAL, "duration_s": 2.0, "frame_rate_Hz": 6e3},
+         "analysis.duration_s: too many frames; got 12001 frames"),
         ({**MODAL, "phases": 2000}, "analysis.phases: too many frames; got 20001 frames"),
         ({**TRANSIENT, "frame_rate_Hz": 10.0},
          "analysis.duration_s: over before a second frame; got 0.01; expected at least 0.1,"),
@@ -133,3 +141,34 @@ def test_a_shutter_before_what_does_not_move() -> None:
 def test_keys_of_the_analysis(analysis: dict[str, Any], line: str) -> None:
     load = [] if analysis["type"] == "modal" else [PUSH]
     assert line in told(analysis=analysis, body=body(load=load))
+
+
+def test_what_is_only_known_in_time() -> None:
+    """Light flickers in frames that have a time, a camera is late for what moves between them."""
+    lamp = {"name": "lamp", "type": "ambient", "radiance_W_m2_sr": 1.0}
+    mains = [{**lamp, "flicker": {"mains_Hz": 50.0, "modulation": 0.3}}]
+    late = [{**DOCUMENT["camera"][0], "trigger": {"delay_us": 10.0}}]
+    modal = {"type": "modal", "count": 1, "phases": 2}
+    still = {"body": [{**DOCUMENT["body"][0], "load": []}]}
+    for analysis, keys, told in (
+        (None, {"light": mains}, "light.lamp.flicker: frames aren't in time; got analysis.type"),
+        (modal, {"light": mains, **still}, 'frames aren\'t in time; got analysis.type "modal"'),
+        (None, {"camera": late}, "camera.side.trigger: nothing is known between frames"),
+    ):
+        with pytest.raises(SceneError, match=re.escape(told)):
+            small_scene(**keys, **({} if analysis is None else {"analysis": analysis}))
+    small_scene(camera=late, analysis=modal, **still)
+    small_scene(light=mains, analysis={"type": "static", "frame_rate_Hz": 25.0})
+    small_scene(light=mains, video={"frame_rate_Hz": 25.0})
+
+
+@pytest.mark.parametrize(
+    "flicker",
+    [{}, {"mains_Hz": 50.0}, {"pwm_Hz": 50.0}, {"pwm_Hz": 50.0, "duty": 0.5, "modulation": 0.1},
+     {"mains_Hz": 50.0, "modulation": 0.1, "pwm_Hz": 50.0, "duty": 0.5}],
+)  # fmt: skip
+def test_flicker_is_said_in_one_way(flicker: dict[str, float]) -> None:
+    lamp = {"name": "lamp", "type": "ambient", "radiance_W_m2_sr": 1.0, "flicker": flicker}
+    told = "how light varies is to be said in one way"
+    with pytest.raises(SceneError, match=told):
+        small_scene(light=[lamp], video={"frame_rate_Hz": 25.0})

@@ -17,8 +17,8 @@ from gpusim.pipeline.measurements.deflection.projection_error import projection_
 from gpusim.pipeline.measurements.deflection.result import DeflectionResult
 from gpusim.pipeline.measurements.kinds import Kind, Unloaded, register
 from gpusim.pipeline.measurements.marker_checks import axial_loads, marker_warnings
-from gpusim.pipeline.measurements.marker_detection import MarkerSet
 from gpusim.pipeline.measurements.marker_measurement import track_markers
+from gpusim.pipeline.measurements.marker_set import MarkerSet
 from gpusim.pipeline.measurements.marker_tracking import MarkerTracks
 from gpusim.pipeline.measurements.results import PointTable, vector_columns
 from gpusim.pipeline.measurements.sources import Sources

@@ -71,8 +71,10 @@ def _motion(result: PointFields) -> Iterator[Row]:
     unit = name_and_unit(names[0])[1]
     yield "largest displacement", unit, mean(measured[farthest]), mean(true[farthest])
     lost = result.reasons(-1)
-    told = f" ({', '.join(f'{count} {why}' for why, count in lost.items())})" if lost else ""
-    yield f"points lost of {len(true)}{told}", "1", float(sum(lost.values())), 0.0
+    yield "points lost", "1", float(sum(lost.values())), 0.0
+    for why, count in lost.items():
+        yield f"lost points, {why}", "1", float(count), 0.0
+    yield "points sought", "1", float(len(true)), np.nan
 
 
 def _errors(result: PointFields) -> Iterator[Row]:

@@ -19,6 +19,7 @@ from gpusim.pipeline.measurements.modes.true_modes import TrueModes, true_modes
 from gpusim.pipeline.measurements.results import PointTable
 from gpusim.pipeline.measurements.series.placing import ReferencePicture
 from gpusim.pipeline.measurements.sources import Sources
+from gpusim.pipeline.scene_objects.cameras import build_shutter
 from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
@@ -37,7 +38,12 @@ def measure_modes(
     points = _points(spec, ReferencePicture(spec, motion))
     pictures = [partial(sources.image, spec.camera, k) for k in range(len(objects.frames))]
     names = [f"frame {k}" for k in range(len(pictures))]
-    film = FrameSource(pictures, names, np.arange(len(pictures)) / rate)
+    shutter = next(build_shutter(one) for one in scene.cameras if one.name == spec.camera)
+    times, line_time = (
+        np.arange(len(pictures)) / rate,
+        0.0 if shutter is None else shutter.line_time,
+    )
+    film = FrameSource(pictures, names, times, line_time=line_time)
     series = measure.point_series(film, points, method=spec.method, subset=spec.subset_px)
     try:
         found = measure.identify_modes(
@@ -56,7 +62,7 @@ def measure_modes(
         "complexity": found.complexity,
     }  # fmt: skip
     columns |= {name: _of_pairs(columns[name], pair) for name in columns if "true" in name}
-    columns["mac"] = likeness
+    columns |= {"true_mode": np.where(pair < 0, np.nan, pair + 1), "mac": likeness}
     numbers = tuple(f"mode {k}" for k in range(1, len(pair) + 1))
     true_shapes = _of_pairs(true.shapes, pair)
     size = np.einsum("npk,npk->n", true_shapes, true_shapes)

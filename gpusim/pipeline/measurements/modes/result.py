@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from gpusim.arrays.array_types import Float
+from gpusim.measure.vibration.operational_modes import amplitudes
 from gpusim.pipeline.measurements.results import Reported, Result, csv_text
 from gpusim.pipeline.pictures.file_names import image_path
-from gpusim.report import Measurement, Overlay, Series
+from gpusim.report import Measurement, Overlay, Series, Table
+from gpusim.report.text import number, uncertain
 from gpusim.scene import Scene
 
 GOALS = {"frequency": 0.005, "damping": 0.1, "MAC": 0.01}
@@ -21,15 +23,15 @@ GOALS = {"frequency": 0.005, "damping": 0.1, "MAC": 0.01}
 @dataclass(frozen=True, eq=False)
 class ModesResult(Result):
     """N modes at P points of a ``camera``'s picture. Columns of the table: frequencies, damping
-    (shares of critical) and their standard uncertainties, ``complexity``, and ``mac`` with the
-    true mode.
+    (shares of critical) and their standard uncertainties, ``complexity``, ``true_mode``: the number
+    of the body's mode that it is, and ``mac`` with that.
 
     points_px : (P, 2).
     shapes, true_shapes : (N, P, 2), the greatest measured component 1; true ones of the size that
         fits best, NaN where there is none.
     times, displacement_px : (T,) s and (T, P, 2) from which they come.
     lost : so many other points weren't found in all pictures.
-    sought : so many modes were looked for, at most.
+    sought : so many modes were looked for, at most; 0 of an earlier run.
     """
 
     camera: str
@@ -39,7 +41,7 @@ class ModesResult(Result):
     times: Float
     displacement_px: Float
     lost: int
-    sought: int
+    sought: int = 0
 
     @property
     def note(self) -> str:
@@ -77,27 +79,37 @@ class ModesResult(Result):
     def report(self, scene: Scene, out: Path) -> Reported:
         """Numbers of each mode, its shape along the line and over the first picture."""
         picture = image_path(scene, out, self.camera, 0)
+        sizes = amplitudes(self.shapes, self.displacement_px)
         overlays = [
             Overlay(f"{self.name}: {title}", picture, self.points_px, size * shape)
-            for title, size, shape in zip(self._titles(), self._greatest, self.shapes, strict=True)
+            for title, size, shape in zip(self._titles(), sizes, self.shapes, strict=True)
         ]
-        return Reported([*self._measurements()], [*self._lines()], overlays)
+        measurements, lines = [*self._measurements()], [*self._lines()]
+        return Reported(measurements, lines, overlays, tables=[self._summary()])
+
+    @property
+    def _columns(self) -> dict[str, list[float]]:
+        return {name: column[-1].tolist() for name, column in self.table.columns.items()}
+
+    def _summary(self) -> Table:
+        """A row for each mode, as far as its uncertainties say."""
+        table, names = self._columns, self.table.points
+        shares = np.multiply(100.0, (table["measured_damping"], table["sigma_damping"])).tolist()
+        rows = zip(
+            names, (number(one, 1) for one in table.get("true_mode", [np.nan] * len(names))),
+            map(uncertain, table["measured_frequency_Hz"], table["sigma_frequency_Hz"]),
+            map(uncertain, *shares), (number(one, 5) for one in table["mac"]), strict=True,
+        )  # fmt: skip
+        columns = "Mode", "Mode of the body", "Frequency / Hz", "Damping / %", "MAC"
+        return Table(f"Measured modes: {self.name}", columns, tuple(rows))
 
     def _titles(self) -> Sequence[str]:
         rows = zip(self.table.points, self.table["measured_frequency_Hz"][-1], strict=True)
         return [f"{mode}, {frequency:.5g} Hz" for mode, frequency in rows]
 
-    @property
-    def _greatest(self) -> Float:
-        """(N,) px, by which each mode moves the point of its greatest component at most."""
-        moved = self.displacement_px - self.displacement_px.mean(axis=0)
-        shapes = self.shapes.reshape(len(self.shapes), -1)
-        share = np.linalg.lstsq(shapes.T, moved.reshape(len(moved), -1).T, rcond=None)[0]
-        return np.asarray(np.abs(share).max(axis=1))
-
     def _measurements(self) -> Iterator[Measurement]:
         """Of every mode; its MAC, if there is one, is compared with 1."""
-        table = {name: column[-1].tolist() for name, column in self.table.columns.items()}
+        table = self._columns
         for k, mode in enumerate(self.table.points):
             for what, unit, scale, measured, true in (
                 ("frequency", "Hz", 1.0, table["measured_frequency_Hz"][k],

@@ -15,8 +15,8 @@ from gpusim.measure.targets.boards import Board
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.measurements.kinds import Kind, register
 from gpusim.pipeline.measurements.marker_checks import marker_warnings
-from gpusim.pipeline.measurements.marker_detection import MarkerSet
 from gpusim.pipeline.measurements.marker_measurement import track_markers
+from gpusim.pipeline.measurements.marker_set import MarkerSet
 from gpusim.pipeline.measurements.marker_tracking import MarkerTracks
 from gpusim.pipeline.measurements.results import MM, PointTable, vector_columns
 from gpusim.pipeline.measurements.sources import Sources, calibrated

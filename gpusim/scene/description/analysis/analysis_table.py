@@ -6,9 +6,10 @@ moves bodies by it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from contextlib import suppress
-from typing import Annotated, Any, ClassVar, Literal
+from math import floor
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, ValidationError
 
@@ -34,7 +35,7 @@ class AnalysisTable(Table):
     A subclass gives ``type`` the kind's name, adds its keys, and says
 
     - ``about``: what it is, in a few words;
-    - ``frame_values``: a number for each frame, in words a ``word``; ``frames_key``: which key has
+    - ``frame_values``: a number for each frame, which is a ``word``; ``frames_key``: which key has
       one for each, so that loads may have one as well;
     - ``given``: whether bodies have a ``field`` in place of a mesh;
     - ``vibrates``: whether bodies have inertia (materials need a density, and nothing needs to hold
@@ -45,11 +46,15 @@ class AnalysisTable(Table):
     type: str
 
     about: ClassVar[str] = ""
-    word: ClassVar[str] = "load_factor"
     frames_key: ClassVar[str] = "type"
     given: ClassVar[bool] = False
     vibrates: ClassVar[bool] = False
     scales_loads: ClassVar[bool] = False
+
+    @property
+    def word(self) -> str:
+        """What ``frame_values`` are."""
+        return "load_factor"
 
     @property
     def frame_values(self) -> tuple[float, ...]:
@@ -60,6 +65,34 @@ class AnalysisTable(Table):
     def frame_rate(self) -> float | None:
         """Hz; None where frames aren't instants of a motion."""
         return getattr(self, "frame_rate_Hz", None)
+
+    @classmethod
+    def in_time(cls, given: Container[str]) -> bool:
+        """Whether frames of a table with the ``given`` keys are in time, if their rate is known."""
+        lasts = "duration_s" in given or "duration_s" not in cls.model_fields
+        return "frame_rate_Hz" in cls.model_fields and lasts
+
+    def at_rate(self, rate: float | None) -> Self:
+        """The table with the ``rate`` (Hz) of frames that are in time, where it says none. Raises a
+        fault of the key ``analysis``."""
+        said = self.frame_rate is not None or not self.in_time(self.model_fields_set)
+        if rate is None or said:
+            return self
+        timed = self.model_copy(update={"frame_rate_Hz": rate})
+        timed.check_instants("analysis.")
+        return timed
+
+    def check_instants(self, at: str = "") -> None:
+        """Raises a fault of a key, which begins ``at``, where frames in time are too few or too
+        many."""
+        duration, rate = getattr(self, "duration_s", None), self.frame_rate
+        if duration is None or rate is None:
+            return
+        key, count = f"{at}duration_s", 1.0 + duration * rate
+        check_frame_count(count, key, "less time or a lower frame_rate_Hz")
+        if len(instants(duration, rate)) < 2:
+            wanted = f"at least {1.0 / rate:g}, from one frame to the next"
+            raise fault(key, "over before a second frame", duration, wanted)
 
     @property
     def load_factors(self) -> tuple[float, ...]:
@@ -96,6 +129,11 @@ def frame_count(analysis: Mapping[str, Any] | None) -> int | None:
     with suppress(ValidationError, KeyError, TypeError):
         return len(TABLES[given["type"]].model_validate(given).frame_values)
     return None
+
+
+def instants(duration: float, rate: float) -> tuple[float, ...]:
+    """Times (s) of frames at a ``rate`` (Hz), from 0 on."""
+    return tuple(k / rate for k in range(floor(duration * rate * (1 + 1e-12)) + 1))
 
 
 def superposition(modes: int, frames: int) -> tuple[str, float]:

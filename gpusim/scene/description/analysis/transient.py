@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cached_property
-from math import floor
 from typing import Any, ClassVar, Literal
 
 from pydantic import model_validator
@@ -15,7 +14,7 @@ from .analysis_table import (
     MassRule,
     ModeCount,
     Rate,
-    check_frame_count,
+    instants,
     superposition,
 )
 from .excitation import BaseMotionTable, DampingTable
@@ -41,8 +40,8 @@ class TransientTable(AnalysisTable):
     type: Literal["transient"]
     duration_s: Length
     """From frame 0, at time 0, to the last frame or a little later."""
-    frame_rate_Hz: Rate
-    """The camera's."""
+    frame_rate_Hz: Rate | None = None
+    """The camera's; said here or in [video]."""
     method: TimeMethod = "modal"
     """"modal" superposes ``count`` modes, and has no time steps; the others step through time by
     ``step_s``."""
@@ -71,8 +70,7 @@ class TransientTable(AnalysisTable):
     @cached_property
     def frame_values(self) -> tuple[float, ...]:
         """Times."""
-        last = floor(self.duration_s * self.frame_rate_Hz * (1 + 1e-12))
-        return tuple(k / self.frame_rate_Hz for k in range(last + 1))
+        return () if self.frame_rate is None else instants(self.duration_s, self.frame_rate)
 
     def frame_text(self, frame: int) -> str:
         """Its time."""
@@ -81,7 +79,7 @@ class TransientTable(AnalysisTable):
     @property
     def time_step(self) -> float | None:
         """s, of the methods that step through time."""
-        return None if self.method == "modal" else self.step_s or 0.25 / self.frame_rate_Hz
+        return None if self.method == "modal" else self.step_s or 0.25 * self.frame_values[1]
 
     @property
     def mode_count(self) -> int:
@@ -106,11 +104,8 @@ class TransientTable(AnalysisTable):
 
     @model_validator(mode="after")
     def _check(self) -> TransientTable:
-        count, method = 1.0 + self.duration_s * self.frame_rate_Hz, f'of method "{self.method}"'
-        check_frame_count(count, "duration_s", "less time or a lower frame_rate_Hz")
-        if len(self.frame_values) < 2:
-            wanted = f"at least {1.0 / self.frame_rate_Hz:g}, from one frame to the next"
-            raise fault("duration_s", "over before a second frame", self.duration_s, wanted)
+        self.check_instants()
+        method = f'of method "{self.method}"'
         if self.method == "modal":
             wanted = 'a method that steps, as "newmark"'
             if self.step_s is not None:

@@ -1,4 +1,5 @@
-"""Shapes in which bodies vibrate or buckle, and steady vibrations: frames are phases of these."""
+"""Shapes in which bodies vibrate or buckle, and steady vibrations: frames are phases of these, or
+instants."""
 
 from __future__ import annotations
 
@@ -8,6 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
+from gpusim.motion import ALL
 from gpusim.scene.tables.table import Count, Length, Listed, PositivePair, Words, fault
 
 from .analysis_table import (
@@ -15,8 +17,10 @@ from .analysis_table import (
     AnalysisTable,
     MassRule,
     ModeCount,
+    Rate,
     check_band,
     check_frame_count,
+    instants,
     superposition,
 )
 from .excitation import HarmonicDampingTable, ShakerTable
@@ -28,15 +32,23 @@ Frequencies = Annotated[
     tuple[Annotated[float, Field(gt=0)], ...], Listed(1, MOST_FRAMES, different=True)
 ]
 
-_SHOWN = ("modes", "phases", "amplitude_mm")
+_SHOWN = ("modes", "phases", "duration_s", "frame_rate_Hz", "amplitude_mm")
+_PHASES = 8
 """Keys of what frames show of motions that are known."""
 
 
 class OscillationTable(AnalysisTable):
-    """Motions of one frequency each, by number, in phases of their period; frame 0 is at rest."""
+    """Motions of one frequency each, by number: one after the other in phases of their period,
+    after frame 0, which is at rest; or in time, all at once. ``begin``: share of its period that
+    has passed of each at time 0."""
 
-    word: ClassVar[str] = "phase_deg"
+    begin: ClassVar[float] = 0.0
     vibrates: ClassVar[bool] = True
+
+    @property
+    def word(self) -> str:
+        """Of frames in time another one than of phases."""
+        return "phase_deg" if self.frame_rate is None else "time"
 
     @property
     def shown(self) -> Sequence[int]:
@@ -56,19 +68,24 @@ class OscillationTable(AnalysisTable):
 
     @property
     def phase_count(self) -> int:
-        """Frames of each motion."""
-        return int(getattr(self, "phases", 1))
+        """Frames of each motion that is shown in phases."""
+        return int(getattr(self, "phases", 1) or _PHASES)
 
     @cached_property
-    def oscillations(self) -> tuple[tuple[int, float], ...]:
-        """Number of the motion, and the share of its period that has passed, in each frame after
-        the first."""
+    def oscillations(self) -> tuple[tuple[float, ...], ...]:
+        """States of a `gpusim.motion.Oscillation` in each frame that isn't at rest: the number of
+        the motion, the share of its period and, of frames in time, the time (s) that have passed.
+        """
+        if self.word == "time":
+            return tuple((ALL, self.begin, time) for time in self.frame_values)
         count = self.phase_count
-        return tuple((number, k / count) for number in self.shown for k in range(count))
+        return tuple((float(number), k / count) for number in self.shown for k in range(count))
 
     @cached_property
     def frame_values(self) -> tuple[float, ...]:
-        """Phases (deg)."""
+        """Phases (deg), or times."""
+        if self.frame_rate is not None:
+            return instants(getattr(self, "duration_s", 0.0), self.frame_rate)
         return (0.0, *(360.0 * turn for _, turn in self.oscillations))
 
     def name_of(self, number: int) -> str:
@@ -76,17 +93,23 @@ class OscillationTable(AnalysisTable):
         return f"mode {number}"
 
     def frame_text(self, frame: int) -> str:
-        """The motion of a frame, and its phase."""
+        """The motion of a frame, and its phase or time."""
+        if self.word == "time":
+            return f"{super().frame_text(frame)} s"
         if not frame:
             return "at rest"
-        number, turn = self.oscillations[frame - 1]
-        name = self.name_of(number)
-        return name if self.phase_count == 1 else f"{name}, phase {360.0 * turn:g} deg"
+        name = self.name_of(int(self.oscillations[frame - 1][0]))
+        return name if self.phase_count == 1 else f"{name}, phase {self.frame_values[frame]:g} deg"
 
     def shown_motions(self, most: int) -> Sequence[Mapping[int, str]]:
-        """Modes: the first frame tells their shape."""
-        frames = range(1, len(self.frame_values), self.phase_count)[:most]
-        return [{frame: self.frame_text(frame)} for frame in frames]
+        """Each in all its frames, of which any may be the one that moves most; where there are
+        more, the last ones together. Of frames in time, none."""
+        if self.word == "time":
+            return []
+        motions: dict[int, dict[int, str]] = {}
+        for frame, (number, *_) in enumerate(self.oscillations, 1):
+            motions.setdefault(min(int(number), most), {})[frame] = self.frame_text(frame)
+        return list(motions.values())
 
     def solutions(self, nonlinear: bool) -> tuple[str, float]:
         """Of modes frames are made."""
@@ -94,8 +117,32 @@ class OscillationTable(AnalysisTable):
 
     @model_validator(mode="after")
     def _check_frames(self) -> Self:
-        count = 1.0 + len(self.shown) * self.phase_count
-        check_frame_count(count, "phases", "fewer phases or modes")
+        self.check_instants()
+        if self.frame_rate is None:
+            count = 1.0 + len(self.shown) * self.phase_count
+            check_frame_count(count, "phases", "fewer phases or modes")
+        return self
+
+
+class FilmedTable(OscillationTable):
+    """Of which frames are phases, or in time."""
+
+    phases: Count | None = None
+    """Frames in a period of vibration, after frame 0, which shows bodies at rest; without it 8."""
+    duration_s: Length | None = None
+    """In place of phases: frames are in time, from 0 to the last one or a little later, and show
+    all modes or frequencies at once; modes from where they pass their place at rest, steady
+    vibrations from where loads are greatest."""
+    frame_rate_Hz: Rate | None = None
+    """The camera's, of frames in time; said here or in [video]."""
+
+    @model_validator(mode="after")
+    def _check_time(self) -> Self:
+        if self.duration_s is None and self.frame_rate is not None:
+            problem = "of frames that are phases"
+            raise fault("frame_rate_Hz", problem, self.frame_rate, "duration_s beside it")
+        if self.duration_s is not None and self.phases is not None:
+            raise fault("phases", "beside duration_s", self.phases, "one of them")
         return self
 
 
@@ -130,7 +177,7 @@ class _ShapesTable(OscillationTable):
         return self
 
 
-class ModalTable(_ShapesTable):
+class ModalTable(FilmedTable, _ShapesTable):
     """Natural frequencies and mode shapes; frames show these.
 
     Example::
@@ -144,14 +191,13 @@ class ModalTable(_ShapesTable):
     type: Literal["modal"]
     band_Hz: PositivePair | None = None
     """All modes in it are computed, in place of ``count``."""
-    phases: Count = 8
-    """Frames in a period of vibration, after frame 0, which shows bodies at rest."""
     mass: MassRule = "exact"
     """"exact", "lumped" at the nodes, or "calculix": integrated as CalculiX does."""
     prestress: bool = False
     """Bodies vibrate about their equilibrium under the loads, which stiffens or weakens them."""
 
     about: ClassVar[str] = "natural frequencies and mode shapes"
+    begin: ClassVar[float] = -0.25
 
     @model_validator(mode="after")
     def _check_band(self) -> ModalTable:
@@ -183,7 +229,7 @@ class BucklingTable(_ShapesTable):
     usual_count: ClassVar[int] = 3
 
 
-class HarmonicTable(OscillationTable):
+class HarmonicTable(FilmedTable):
     """Steady vibration under loads that swing, or on a shaker; frames show its phases.
 
     Example::
@@ -196,8 +242,6 @@ class HarmonicTable(OscillationTable):
     type: Literal["harmonic"]
     frequencies_Hz: Frequencies
     """Of the loads, and of the shaker; frames show ``phases`` of each."""
-    phases: Count = 8
-    """Frames in a period of vibration, after frame 0, which shows bodies at rest."""
     band_Hz: PositivePair | None = None
     """The report shows the response from its first to its second frequency."""
     count: ModeCount = 20
@@ -224,14 +268,6 @@ class HarmonicTable(OscillationTable):
     def name_of(self, number: int) -> str:
         """The frequency."""
         return f"{self.frequencies_Hz[number - 1]:g} Hz"
-
-    def shown_motions(self, most: int) -> Sequence[Mapping[int, str]]:
-        """Each in all phases, of which any may be the one that moves most; where there are more,
-        the last ones together."""
-        motions: dict[int, dict[int, str]] = {}
-        for frame, (number, _) in enumerate(self.oscillations, 1):
-            motions.setdefault(min(number, most), {})[frame] = self.frame_text(frame)
-        return list(motions.values())
 
     @model_validator(mode="after")
     def _check_band(self) -> HarmonicTable:

@@ -15,6 +15,7 @@ from gpusim.pipeline.measurements.modes.result import ModesResult
 from gpusim.pipeline.measurements.results import PointTable
 from gpusim.plan.scene_stages import scene_stages
 from gpusim.plan.stages import RunOptions
+from gpusim.report.text import number
 from gpusim.scene import Scene
 from gpusim.scene.cost import describe
 from tests.support.small_scene import DOCUMENT, small_scene
@@ -47,6 +48,9 @@ def test_a_bar_that_is_let_go(tmp_path: Path) -> None:
     assert frequency.truth == pytest.approx(143.0, rel=0.02) and damping.truth == pytest.approx(2.0)
     assert {one.verdict for one in (frequency, damping, likeness)} == {"good"}
     assert len(report.series) == 1 and len(report.overlays) == 1
+    (row,) = report.first_tables[1].rows
+    assert row[:2] == ("mode 1", "1") and all("±" in one for one in row[2:4])
+    assert abs(float(row[2].split()[0]) - frequency.measured) <= float(row[2].split()[2])
     result = ModesResult.read(tmp_path / "measure", "modes")
     assert not any("modes found" in one for one in result.warnings)
     more = replace(result, sought=2).warnings
@@ -61,14 +65,25 @@ def test_a_bar_that_is_let_go(tmp_path: Path) -> None:
 
 def test_modes_without_a_true_one_stand_alone(tmp_path: Path) -> None:
     columns = dict.fromkeys(
-        ["measured_frequency_Hz", "measured_damping", "true_frequency_Hz", "true_damping", "mac"],
+        [
+            "measured_frequency_Hz",
+            "measured_damping",
+            "true_frequency_Hz",
+            "true_damping",
+            "mac",
+            "sigma_frequency_Hz",
+            "sigma_damping",
+        ],
         np.array([np.nan]),
     )
     columns |= {"measured_frequency_Hz": np.array([143.0]), "measured_damping": np.array([0.0])}
     shapes, table = np.ones((1, 2, 2)), PointTable.of("mode", ("mode 1",), {63: columns})
     result = ModesResult("modes", table, "side", shapes[0], shapes, np.nan * shapes, np.zeros(1),
                          shapes, 0, 1)  # fmt: skip
-    told = result.report(film(), tmp_path).measurements
+    report = result.report(film(), tmp_path)
+    dash = number(np.nan)
+    assert report.tables[0].rows == (("mode 1", dash, "143.000", "0", dash),)
+    told = report.measurements
     assert [(one.name, one.verdict) for one in told] == [
         ("modes: mode 1, frequency", "unknown"), ("modes: mode 1, damping", "unknown")
     ]  # fmt: skip
@@ -79,7 +94,11 @@ def test_modes_without_a_true_one_stand_alone(tmp_path: Path) -> None:
     ("analysis", "keys", "text"),
     [
         ({"type": "static", "load_factors": [0.0] * 70}, {}, "without a time between frames"),
-        ({"type": "modal", "count": 1, "phases": 70}, {}, 'expected analysis.type = "transient"'),
+        (
+            {"type": "modal", "count": 1, "phases": 70},
+            {},
+            'of type "modal" or "harmonic" duration_s',
+        ),
         (FILM, {"band_Hz": [100.0, "x"]}, "band_Hz"),
         (FILM, {"end_mm": None}, r"end_px: where it is; got neither"),
         (FILM, {"subset_px": 8}, r"subset_px: even; got 8; expected an odd number"),

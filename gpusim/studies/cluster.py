@@ -1,0 +1,75 @@
+"""Workers of a Dask scheduler (``gpusim[cluster]``), which may be on other machines.
+
+They see the study's folder under the same path; a batch and what becomes of it is all that travels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+from distributed import Client
+
+from gpusim.errors import InputError
+
+_PATIENCE_S = 30
+"""How long to wait for a scheduler, and for a worker of it."""
+
+
+class ClusterPool:
+    """The workers of the scheduler at an ``address``, tcp://host:8786, or of the file that a
+    scheduler has written (``dask scheduler --scheduler-file``).
+
+    Raises InputError if nobody answers there, or has workers.
+    """
+
+    def __init__(self, address: str) -> None:
+        self._address = address
+        self._client = self._connected()
+
+    @property
+    def size(self) -> int:
+        """How many workers there are now."""
+        return max(len(self._client.scheduler_info(n_workers=-1)["workers"]), 1)
+
+    def submit(self, function: Callable[..., Any], *args: Any) -> Future[Any]:
+        """Call it on a worker; its name is no key, as nobody else asks for it."""
+        executor = self._client.get_executor(pure=False)
+        future: Future[Any] = executor.submit(function, *args)
+        return future
+
+    def renew(self, future: Future[Any]) -> None:
+        """Dask starts workers anew; a scheduler that was started anew is met again here."""
+        del future
+        if self._client.status != "running" or not self._answers():
+            self._client.close(timeout=1)
+            self._client = self._connected()
+
+    def close(self, kill: bool) -> None:
+        """Leave the scheduler and its workers to others."""
+        del kill
+        self._client.close()
+
+    def _answers(self) -> bool:
+        try:
+            self._client.sync(self._client.scheduler.identity)
+        except (OSError, ValueError):
+            return False
+        return True
+
+    def _connected(self) -> Client:
+        name = Path(self._address)
+        where = {"scheduler_file": str(name)} if name.is_file() else {"address": self._address}
+        expected = "a Dask scheduler with workers: dask scheduler, then dask worker ADDRESS"
+        client = None
+        try:
+            client = Client(**where, timeout=_PATIENCE_S, set_as_default=False)
+            client.wait_for_workers(1, timeout=_PATIENCE_S)
+        except (OSError, ValueError, TimeoutError) as error:
+            if client is not None:
+                client.close()
+            got = str(error).splitlines()[0] if str(error) else type(error).__name__
+            raise InputError(f"--scheduler {self._address}: {got}; expected {expected}") from None
+        return client
