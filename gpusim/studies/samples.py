@@ -20,7 +20,7 @@ from gpusim.studies.design import points
 from gpusim.studies.expressions import Values, evaluated
 from gpusim.studies.study_tables import Study
 
-_BUDGET = "gpusim.studies.budget"  # it makes samples itself
+_BUDGET = "gpusim.studies.budget.budget_study"  # it makes samples itself
 
 
 @dataclass(frozen=True)

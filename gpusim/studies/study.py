@@ -28,7 +28,7 @@ from gpusim.studies.samples import Sample, samples_of
 from gpusim.studies.study_tables import COPY, Study, load_study, study_text
 from gpusim.studies.table import SampleTable
 
-_BUDGET = "gpusim.studies.budget"  # a folder of its own, which knows this one
+_BUDGET = "gpusim.studies.budget.budget_study"  # a folder of its own, which knows this one
 
 
 def study(

@@ -47,7 +47,6 @@ CONCEPTS = {
     "scene": "gltf_looks limits",
     "scene/description": "speckle",
     "scene/faults": "messages",
-    "studies/budget": "coverage",
     "view": "reload window_view",
 }
 """By folder: what a test is named by that isn't a module."""
