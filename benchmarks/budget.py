@@ -21,7 +21,8 @@ import numpy as np
 
 from gpusim.scene import Scene, load_scene
 from gpusim.studies import SampleTable, Study
-from gpusim.studies.budget import UncertaintyBudget, uncertainty_budget
+from gpusim.studies.budget import UncertaintyBudget
+from gpusim.studies.budget.budget_study import uncertainty_budget
 from gpusim.studies.budget_tables import BudgetTable
 from gpusim.studies.study import study
 from gpusim.studies.study_tables import StudyTable

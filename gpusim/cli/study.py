@@ -100,7 +100,7 @@ def study(
             raise InputError("study -o; got none; expected -o OUT, or the folder of a study")
         if sample is not None:
             from gpusim.pipeline import run
-            from gpusim.studies.budget import with_rig
+            from gpusim.studies.budget.budget_study import with_rig
 
             samples = samples_of(loaded)
             require(0 <= sample < len(samples), "--sample", sample, f"0 to {len(samples) - 1}")
@@ -160,8 +160,9 @@ def _print(content: dict[str, Any], folder: Path) -> None:
         out(f"and {len(errors) - _MOST_ERRORS} other errors, in samples.csv")
     for advice in content["budget"]:
         out(f"\n{advice}")
-    if (folder / "samples.csv").exists():
-        out(f"\nTable: {folder / 'samples.csv'}")
+    if (table := inside(folder, "samples.csv")).exists():
+        out(f"\nTable: {table}")
+        out(f"Report: {inside(folder, 'report.html')}")
         card = inside(folder, "dataset/README.md")
         if content["dataset"] and card.is_file():
             out(f"Data set: {card}")

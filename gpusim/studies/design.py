@@ -33,13 +33,14 @@ def points(study: Study) -> dict[str, list[Any]]:
     --------
     >>> from gpusim.studies import load_study
     >>> from gpusim.studies.design import points
-    >>> _ = open("study.toml", "w").write('''scene = "bar.toml"
+    >>> from pathlib import Path
+    >>> _ = Path("study.toml").write_text('''scene = "bar.toml"
     ... [[parameter]]
     ... key = "camera.side.focal_mm"
-    ... list = [24.0, 26.0]
+    ... list = [49.0, 51.0]
     ... ''')
     >>> points(load_study("study.toml"))
-    {'camera.side.focal_mm': [24.0, 26.0]}
+    {'camera.side.focal_mm': [49.0, 51.0]}
     """
     tables = study.tables
     axes: list[Columns] = [] if tables.rows is None else [_rows(study)]

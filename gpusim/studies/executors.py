@@ -11,8 +11,10 @@ import warnings
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Protocol
+from weakref import WeakKeyDictionary
 
 from gpusim.errors import DeviceLost, GpusimError
 from gpusim.files.atomic_files import write_text
@@ -83,7 +85,7 @@ class LocalPool:
     def __init__(self, size: int) -> None:
         self.size = size
         self._executors: list[Any] = [self._start(number) for number in range(size)]
-        self._slots: dict[Future[Any], int] = {}
+        self._homes: WeakKeyDictionary[Future[Any], Any] = WeakKeyDictionary()
 
     def _start(self, number: int) -> Any:
         threads = str(max(all_processors() // self.size, 1))
@@ -91,29 +93,37 @@ class LocalPool:
         env = dict.fromkeys(names, threads)
         if "GPUSIM_ADAPTER" not in os.environ and not software_adapter():
             env["GPUSIM_ADAPTER"] = str(number)
-        return start_pool(1, ("gpusim.studies.batch",), env)
+        return start_pool(1, (), env)
 
     def submit(self, function: Callable[..., Any], *args: Any) -> Future[Any]:
         """Call it where there is least to do."""
-        self._slots = {one: slot for one, slot in self._slots.items() if not one.done()}
-        load = Counter(self._slots.values())
-        slot = min(range(self.size), key=lambda number: load[number])
-        future: Future[Any] = self._executors[slot].submit(function, *args)
-        self._slots[future] = slot
+        load = Counter(id(home) for future, home in self._homes.items() if not future.done())
+        home = min(self._executors, key=lambda executor: load[id(executor)])
+        try:
+            future: Future[Any] = home.submit(function, *args)
+        except BrokenExecutor:  # it has died of nothing
+            home = self._replace(home)
+            future = home.submit(function, *args)
+        self._homes[future] = home
         return future
 
     def renew(self, future: Future[Any]) -> None:
-        """Start the process anew that a call has died in."""
-        del future
-        for number, executor in enumerate(self._executors):
-            if executor._flags.broken is not None:
-                self._executors[number] = self._start(number)
+        """Start the process anew that a call has died in, if nobody has yet."""
+        if self._homes[future] in self._executors:
+            self._replace(self._homes[future])
+
+    def _replace(self, executor: Any) -> Any:
+        executor.shutdown(wait=False, kill_workers=True)
+        number = self._executors.index(executor)
+        self._executors[number] = self._start(number)
+        return self._executors[number]
 
     def close(self, kill: bool) -> None:
         """End the processes."""
         for executor in self._executors:
-            if not kill:
-                executor.submit(close_workers)
+            with suppress(BrokenExecutor):
+                if not kill:
+                    executor.submit(close_workers)
             executor.shutdown(wait=not kill, kill_workers=kill)
 
 

@@ -68,11 +68,12 @@ def study_plan(study: Study, samples: Sequence[Sample]) -> StudyPlan:
     Examples
     --------
     >>> from gpusim.studies import load_study, samples_of, study_plan
-    >>> _ = open("study.toml", "w").write('''scene = "bar.toml"
+    >>> from pathlib import Path
+    >>> _ = Path("study.toml").write_text('''scene = "bar.toml"
     ... repeats = 4
     ... [[parameter]]
     ... key = "camera.side.focal_mm"
-    ... list = [24.0, 26.0]
+    ... list = [49.0, 51.0]
     ... ''')
     >>> study = load_study("study.toml")
     >>> dict(study_plan(study, samples_of(study)).distinct)

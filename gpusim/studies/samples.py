@@ -20,7 +20,7 @@ from gpusim.studies.design import points
 from gpusim.studies.expressions import Values, evaluated
 from gpusim.studies.study_tables import Study
 
-_BUDGET = "gpusim.studies.budget"  # it makes samples itself
+_BUDGET = "gpusim.studies.budget.budget_study"  # it makes samples itself
 
 
 @dataclass(frozen=True)
@@ -60,14 +60,15 @@ def samples_of(study: Study) -> Sequence[Sample]:
     Examples
     --------
     >>> from gpusim.studies import load_study, samples_of
-    >>> _ = open("study.toml", "w").write('''scene = "bar.toml"
+    >>> from pathlib import Path
+    >>> _ = Path("study.toml").write_text('''scene = "bar.toml"
     ... repeats = 2
     ... [[parameter]]
     ... key = "camera.side.focal_mm"
-    ... list = [24.0, 26.0]
+    ... list = [49.0, 51.0]
     ... ''')
     >>> [one.overrides for one in samples_of(load_study("study.toml"))][1]
-    {'camera.side.focal_mm': 24.0, 'sensor.seed': 1}
+    {'camera.side.focal_mm': 49.0, 'sensor.seed': 1}
     """
     if study.tables.budget is not None:
         samples: Sequence[Sample] = import_module(_BUDGET).budget_samples(study)

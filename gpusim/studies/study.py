@@ -28,7 +28,7 @@ from gpusim.studies.samples import Sample, samples_of
 from gpusim.studies.study_tables import COPY, Study, load_study, study_text
 from gpusim.studies.table import SampleTable
 
-_BUDGET = "gpusim.studies.budget"  # a folder of its own, which knows this one
+_BUDGET = "gpusim.studies.budget.budget_study"  # a folder of its own, which knows this one
 
 
 def study(
@@ -63,11 +63,12 @@ def study(
 
     Examples
     --------
-    >>> _ = open("study.toml", "w").write('''scene = "bar.toml"
+    >>> from pathlib import Path
+    >>> _ = Path("study.toml").write_text('''scene = "bar.toml"
     ... backend = "numpy"
     ... [[parameter]]
     ... key = "camera.side.focal_mm"
-    ... list = [24.0, 24.5]
+    ... list = [49.0, 50.0]
     ... ''')
     >>> table = gs.study("study.toml", "out/study")
     >>> table["status"].tolist()

@@ -223,11 +223,12 @@ def load_study(
     Examples
     --------
     >>> from gpusim.studies import load_study
-    >>> _ = open("study.toml", "w").write('''scene = "bar.toml"
+    >>> from pathlib import Path
+    >>> _ = Path("study.toml").write_text('''scene = "bar.toml"
     ... samples = 4
     ... [[parameter]]
     ... key = "camera.side.focal_mm"
-    ... uniform = [24.0, 26.0]
+    ... uniform = [49.0, 51.0]
     ... ''')
     >>> load_study("study.toml").tables.design
     'sobol'

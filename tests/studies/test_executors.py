@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import time
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Future
@@ -14,7 +17,7 @@ import gpusim as gs
 from gpusim.errors import GpusimError
 from gpusim.files.output_folder import inside
 from gpusim.studies import load_study, samples_of
-from gpusim.studies.executors import Client, _batches
+from gpusim.studies.executors import Client, LocalPool, _batches
 from gpusim.studies.rows import RowLog, read_rows
 from gpusim.studies.samples import Sample
 from tests.studies.small_studies import STUDY, write_study
@@ -104,6 +107,26 @@ def test_neighbours_of_one_structure_are_made_together(tmp_path: Path) -> None:
     assert [[one.number % 4 for one in batch] for batch in found] == [[k] * 10 for k in range(4)]
     assert [len(batch) for batch in _batches(samples, structures, 25)] == [20, 20]
     assert [len(batch) for batch in _batches(samples, [0] * 40, 16)] == [16, 16, 8]
+
+
+def test_a_process_that_was_killed_is_started_anew() -> None:
+    pool = LocalPool(1)
+    try:
+        first = pool.submit(os.getpid).result()
+        dying = pool.submit(time.sleep, 60)
+        waiting = pool.submit(os.getpid)
+        os.kill(first, signal.SIGKILL)
+        for future in (dying, waiting):
+            assert isinstance(future.exception(60), BrokenExecutor)
+            pool.renew(future)
+        second = pool.submit(os.getpid).result()
+        os.kill(second, signal.SIGKILL)  # of nothing that it was at
+        end = time.monotonic() + 60.0
+        while pool._executors[0]._flags.broken is None and time.monotonic() < end:
+            time.sleep(0.01)
+        assert len({first, second, pool.submit(os.getpid).result()}) == 3
+    finally:
+        pool.close(kill=False)
 
 
 def test_two_processes_make_the_same(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from gpusim.cli import app
 from gpusim.errors import InputError
 from gpusim.files.output_folder import claim
 from gpusim.graph.graph import Graph
+from gpusim.graph.runner import Runner
 from gpusim.graph.store import Store
 from gpusim.pipeline.stages import measuring
 from gpusim.plan.scene_stages import scene_stages
@@ -90,7 +91,7 @@ def test_a_second_call_makes_nothing(made: Made, monkeypatch: pytest.MonkeyPatch
     def never(*_: Any) -> None:
         raise AssertionError("something was made")
 
-    monkeypatch.setattr(Graph, "add", never)
+    monkeypatch.setattr(Runner, "work", never)
     again = gs.study(folder / "study.toml", folder / "out")
     assert again["tip: scale coefficient error [mm/px]"].tolist() == (
         table["tip: scale coefficient error [mm/px]"].tolist()

@@ -18,6 +18,19 @@ from gpusim.scene.toml_text import toml_text
 
 E_MPA, NU, SIZE = 1000.0, 0.3, (60.0, 10.0, 30.0)
 FOCAL_PX, RESOLUTION = 400.0, (96, 48)
+PARAMETERS = """
+backend = "numpy"
+[[parameter]]
+key = "body.bar.load.pull.traction_MPa"
+list = [[10.0, 0.0, 0.0], [20.0, 0.0, 0.0], [-15.0, 0.0, 0.0], [40.0, 0.0, 0.0]]
+name = "traction"
+[[parameter]]
+key = "camera.front.position_mm"
+list = [[30.0, -300.0, 15.0], [80.0, -300.0, 40.0]]
+name = "place"
+[dataset]
+splits = { train = 0.5, val = 0.25, test = 0.25 }
+"""
 DOCUMENT: dict[str, Any] = {
     "schema": 1, "name": "pulled",
     "material": [{"name": "soft", "youngs_modulus_GPa": E_MPA / 1e3, "poissons_ratio": NU}],

@@ -29,6 +29,7 @@ from gpusim.measure.vibration.steerable_pyramid import (
     fourier,
     steerable_pyramid,
 )
+from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.parallel.threads import shared
 from gpusim.validation import checked, require
 
@@ -174,7 +175,8 @@ def _turn(
         steps[time] = np.angle(responses[time + 1] * responses[time].conj()).ravel()
 
     shared(measure, range(len(steps)))
-    change = (weights @ steps).reshape(-1, *band.mask.shape)
+    with one_blas_thread():
+        change = (weights @ steps).reshape(-1, *band.mask.shape)
     down, across = SMOOTHING * np.array(band.mask.shape) / spectra[0].shape
 
     def add(number: int) -> None:

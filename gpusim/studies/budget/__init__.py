@@ -11,10 +11,6 @@ In the order in which data passes:
 """
 
 from gpusim.public_names import public_names as _public_names
-from gpusim.studies.budget.budget_study import budget_samples as budget_samples
-from gpusim.studies.budget.budget_study import report_budget as report_budget
-from gpusim.studies.budget.budget_study import uncertainty_budget as uncertainty_budget
-from gpusim.studies.budget.budget_study import with_rig as with_rig
 from gpusim.studies.budget.page import write_budget as write_budget
 from gpusim.studies.budget.uncertainty import SourceDraws as SourceDraws
 from gpusim.studies.budget.uncertainty import UncertaintyBudget as UncertaintyBudget

@@ -16,7 +16,8 @@ from gpusim.files.output_folder import inside
 from gpusim.graph.stage import digest
 from gpusim.optics.calibration.formats import calibration_text
 from gpusim.pipeline.scene_objects.cameras import build_camera
-from gpusim.studies.budget.draws import Overrides, draw, together
+from gpusim.scene.effects import without_effects
+from gpusim.studies.budget.draws import draw, together
 from gpusim.studies.budget.identifiability import remarks
 from gpusim.studies.budget.page import write_budget
 from gpusim.studies.budget.sources import JOINT, sources_of
@@ -40,14 +41,20 @@ def budget_samples(study: Study) -> Sequence[Sample]:
     require(bool(base.measures), where, got, "a [[measure]]")
     drawn = draw(base, sources_of(base, tables), tables)
     whole = {key: value for one in drawn for key, value in one.nominal.items()}
-    rows: list[tuple[str, int, Overrides]] = [("", 0, {})]
-    for name, changes in [*((one.name, one.overrides) for one in drawn), (JOINT, together(drawn))]:
-        rows += [(name, number, change) for number, change in enumerate(changes)]
     head = digest([__version__, study.backend, base.digest(), tables.calibration])
-    return [
-        Sample(k, 0, {"source": name}, whole | change, digest([head, name, number, whole | change]))
-        for k, (name, number, change) in enumerate(rows)
-    ]
+    names, samples = {one.name for one in drawn}, list[Sample]()
+    alone = [(one.name, one.overrides) for one in drawn]
+    for name, changes in [("", [{}]), *alone, (JOINT, together(drawn))]:
+        # other sources are drawn without noise and steps of grey: what they do would move the
+        # pattern over these, which would count with each of them
+        kept = names if name == JOINT else {name}
+        off = [] if "noise" in kept else ["noise", *{"quantisation"} - kept]
+        common = {"sensor": without_effects(base.document, off)["sensor"]} | whole
+        for number, change in enumerate(changes):
+            overrides = common | change
+            key = digest([head, name, number, overrides])
+            samples.append(Sample(len(samples), 0, {"source": name}, overrides, key))
+    return samples
 
 
 def with_rig(study: Study, out: Path) -> Study:

@@ -27,7 +27,7 @@ Overrides = dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
+class SourceValues:
     """A source ``name`` as it was drawn N times: ``overrides`` of the scene, ``nominal`` where it
     isn't drawn, ``values`` (N, P) of its ``parameters``, NaN for what is no quantity."""
 
@@ -39,7 +39,7 @@ class Drawn:
     degrees_of_freedom: float | None
 
 
-def draw(scene: Scene, sources: Sources, tables: BudgetTable) -> list[Drawn]:
+def draw(scene: Scene, sources: Sources, tables: BudgetTable) -> list[SourceValues]:
     """All sources, each drawn ``tables.draws`` times. Raises InputError for a key that the scene
     hasn't got, or that can't be drawn like that."""
     document, count = scene.document, tables.draws
@@ -60,7 +60,9 @@ def draw(scene: Scene, sources: Sources, tables: BudgetTable) -> list[Drawn]:
         rows = [dict(zip(changes, row, strict=True)) for row in zip(*changes.values(), strict=True)]
         freedom = [one.degrees_of_freedom for one in group if one.degrees_of_freedom]
         values = np.column_stack([*columns.values()])
-        found.append(Drawn(name, tuple(columns), values, nominal, rows, min(freedom, default=None)))
+        found.append(
+            SourceValues(name, tuple(columns), values, nominal, rows, min(freedom, default=None))
+        )
     return found
 
 
@@ -72,10 +74,9 @@ def _drawn(
     are drawn by."""
     is_list = isinstance(nominal, list | tuple)
     items = list(nominal) if is_list else [nominal]
-    kinds: tuple[type, ...] = (int, float)
-    expected = "a key of the scene with a number or a list of numbers"
-    if own.seeds:
-        kinds, expected = (int,), "a key of the scene with a seed"
+    kinds = (int,) if own.seeds else (int, float)
+    what = "seed" if own.seeds else "number or a list of numbers"
+    expected = f"a key of the scene with a {what}"
     where = f"budget source {own.name!r}: {key}"
     fits = own.choices or (items and all(type(one) in kinds for one in items))
     require(bool(fits), where, repr(nominal), expected)
@@ -98,7 +99,7 @@ def _drawn(
     return (rows if is_list else rows[:, 0]).tolist(), numbers
 
 
-def together(drawn: Sequence[Drawn]) -> list[Overrides]:
+def together(drawn: Sequence[SourceValues]) -> list[Overrides]:
     """The draws of all sources at once."""
     every = zip(*(one.overrides for one in drawn), strict=True)
     return [{key: value for own in row for key, value in own.items()} for row in every]

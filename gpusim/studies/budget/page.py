@@ -26,7 +26,18 @@ _CAPTION = (
 
 def write_budget(name: str, budget: UncertaintyBudget, out: PathLike) -> Path:
     """Write report.json, report.html and the chart of shares into the folder ``out``; returns the
-    page."""
+    page.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gpusim.studies.budget import SourceDraws, UncertaintyBudget, write_budget
+    >>> noise = np.array([[-1.0], [1.0], [0.0]])
+    >>> source = SourceDraws("noise", ("seed",), np.nan * noise, noise)
+    >>> budget = UncertaintyBudget((("length", "mm"),), np.zeros(1), (source,), noise)
+    >>> write_budget("gauge", budget, "budget").name
+    'report.html'
+    """
     told = {"schema": 1, "version": __version__, "budget": name, **budget.content()}
     write_text(inside(Path(out), "report.json"), json.dumps(plain_data(told), indent=2) + "\n")
     figure = draw_shares(budget, inside(Path(out), "figures", "shares.png"))

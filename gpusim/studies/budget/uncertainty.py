@@ -29,7 +29,16 @@ class SourceDraws:
     """What a source ``name`` was drawn as, and what was measured: ``parameters`` and their
     ``values`` (N, P), NaN for those that are no quantities, as seeds; ``errors`` (N, Q), NaN where
     nothing was measured. ``degrees_of_freedom``: of what is known of the source; without it those
-    of the draws."""
+    of the draws.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gpusim.studies.budget import SourceDraws
+    >>> focal = np.array([[34.9], [35.0], [35.1], [35.0]])
+    >>> SourceDraws("lens", ("focal_mm",), focal, 2.0 * (focal - 35.0)).sensitivity.round(6)
+    array([[2.]])
+    """
 
     name: str
     parameters: tuple[str, ...]
@@ -98,6 +107,16 @@ class UncertaintyBudget:
     ------
     InputError
         No sources; other numbers of draws, or fewer than 3 that were measured.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gpusim.studies.budget import SourceDraws, UncertaintyBudget
+    >>> noise = np.array([[-1.0], [1.0], [0.0], [1.0], [-1.0]])
+    >>> source = SourceDraws("noise", ("seed",), np.nan * noise, noise)
+    >>> budget = UncertaintyBudget((("length", "mm"),), np.zeros(1), (source,), noise)
+    >>> budget.combined, budget.factor.round(2)
+    (array([1.]), array([2.78]))
     """
 
     def __init__(

@@ -19,15 +19,15 @@ import pytest
 import tifffile
 
 import gpusim as gs
-from gpusim.errors import GpusimError, InputError, SceneError
+from gpusim.errors import GpusimError
 from gpusim.graph.store import Store
 from gpusim.studies import load_study, samples_of
 from gpusim.studies.dataset import write_dataset
-from gpusim.studies.dataset.card import card_text
 from gpusim.studies.dataset.sample_results import OpenedSample, SampleResults
 from gpusim.studies.rows import read_rows
 from tests.support.flow_readers import read_flo, read_kitti
 from tests.support.stretched_bar import (
+    PARAMETERS,
     PlainCamera,
     stretch,
     true_flow,
@@ -35,19 +35,6 @@ from tests.support.stretched_bar import (
     write_study,
 )
 
-PARAMETERS = """
-backend = "numpy"
-[[parameter]]
-key = "body.bar.load.pull.traction_MPa"
-list = [[10.0, 0.0, 0.0], [20.0, 0.0, 0.0], [-15.0, 0.0, 0.0], [40.0, 0.0, 0.0]]
-name = "traction"
-[[parameter]]
-key = "camera.front.position_mm"
-list = [[30.0, -300.0, 15.0], [80.0, -300.0, 40.0]]
-name = "place"
-[dataset]
-splits = { train = 0.5, val = 0.25, test = 0.25 }
-"""
 ALL_LABELS = """
 labels = ["flow", "forward_flow", "displacement", "depth", "normal", "region", "element",
           "visibility", "keypoints", "poses"]
@@ -334,20 +321,6 @@ def test_the_card_tells_versions_seeds_conventions_and_counts(whole: Path) -> No
     assert "KITTI" not in card and "tar file" not in card
 
 
-def test_the_card_of_repeats_in_shards_names_what_counts_up(tmp_path: Path) -> None:
-    text = "repeats = 2\n" + PARAMETERS + 'flow_format = "kitti"\nshards = 9\n'
-    study = load_study(write_study(tmp_path, text))
-    assert study.tables.dataset is not None
-    card = card_text(study, {"train": [18, 2, 9]}, 9, 16, ["manifest.csv"])
-    for words in (
-        "9 of 16 samples of a study; the others were refused or came to nothing",
-        "crops and splits 0; sensor.seed: one more for each of 2 repeats",
-        "off by up to 1/128 px", "9 items lie in a tar file",
-        "  - split: train\n    path: train/manifest.csv\n",
-    ):  # fmt: skip
-        assert words in card
-
-
 def test_sequences_have_all_frames_and_kitti_is_rounded(tmp_path: Path) -> None:
     text = PARAMETERS.replace("[10.0, 0.0, 0.0], [20.0, 0.0, 0.0], [-15.0, 0.0, 0.0], ", "")
     path = write_study(
@@ -367,29 +340,6 @@ def test_sequences_have_all_frames_and_kitti_is_rounded(tmp_path: Path) -> None:
             known = np.isfinite(wanted) & np.isfinite(found)
             assert known.sum() > 2000
             assert 1e-3 < np.abs(found - wanted)[known].max() < 1.0 / 128.0 + 1e-5
-
-
-@pytest.mark.parametrize(
-    ("table", "fault"),
-    [
-        ('labels = ["flw"]', "dataset.labels.0"),
-        ("splits = { train = 0.5, test = 0.4 }", "shares don't add up"),
-        ("splits = { train = 1.5, test = -0.5 }", "dataset.splits"),
-        ("crops = 3", "crop_px"),
-        ("crop_px = [0, 4]", "dataset.crop_px.0"),
-        ("shards = 0", "dataset.shards"),
-        ("flow_format = 'exr'", "dataset.flow_format"),
-        (
-            "cameras = ['side']",
-            r"cameras; got \['side'\]; expected some of \['front'\]",
-        ),
-        ("crop_px = [97, 4]", r"crop_px, camera 'front'; got 97 x 4; expected at most 96 x 48"),
-    ],
-)
-def test_bad_tables_are_refused_before_any_work(table: str, fault: str, tmp_path: Path) -> None:
-    head = PARAMETERS.replace("splits = { train = 0.5, val = 0.25, test = 0.25 }\n", "")
-    with pytest.raises((InputError, SceneError), match=fault):
-        load_study(write_study(tmp_path, head + table))
 
 
 def test_results_that_are_gone_are_told(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from gpusim.studies.study import study
 from gpusim.studies.study_tables import StudyTable
 from tests.support.shifted_plate import shifted_plate
 
-SIZES = {"noise": np.full(8, 0.02), "lens": np.array([0.2, 0.3, 0.3] * 2),
+SIZES = {"noise": np.full(8, 0.004), "lens": np.array([0.2, 0.3, 0.3] * 2),
          "pose": np.array([0.03, 0.03, 0.03, 1e-4, 1e-4, 1e-4])}  # fmt: skip
 """Standard uncertainties: px; px of focal length and principal point; mm and rad."""
 
@@ -53,7 +53,7 @@ def wrong(rig: Rig, lens: Float, pose: Float) -> Rig:
 
 def errors(values: dict[str, Float]) -> Float:
     """Of a displacement (N, 3) mm that a pair measures of one point."""
-    pair, place, moved = cameras(), np.array([0.02, 0.01, 0.0]), np.array([3e-4, 2e-4, 5e-4])
+    pair, place, moved = cameras(), np.array([0.02, 0.01, 0.0]), np.array([1e-2, 6e-3, 1.5e-2])
     pixels = np.array([[one.project(p[None]) for p in (place, place + moved)] for one in pair])
     true = (rig_of(pair)[0].camera_from_rig[:3, :3]
             @ pair[0].camera_from_world[:3, :3] @ (1e3 * moved))  # fmt: skip
@@ -88,9 +88,10 @@ def test_intervals_of_a_pair_hold_the_truth() -> None:
     np.testing.assert_allclose(budget.joint_uncertainty, budget.combined, rtol=0.05)
     assert (np.abs(budget.shares.sum(axis=0) - 1.0) < 1e-12).all()
     other = errors(drawn(1024, 2))[:1000]
-    for held in (np.abs(other - budget.bias) <= budget.expanded,
-                 (other >= budget.interval[0]) & (other <= budget.interval[1])):  # fmt: skip
-        assert (np.abs(held.mean(axis=0) - 0.95) <= 0.015).all()
+    held = np.abs(other - budget.bias) <= budget.expanded
+    assert (np.abs(held.mean(axis=0) - 0.95) <= 0.015).all()
+    held = (other >= budget.interval[0]) & (other <= budget.interval[1])  # of 256 draws alone
+    assert (np.abs(held.mean(axis=0) - 0.95) <= 0.025).all()
 
 
 def plate() -> Scene:
@@ -100,6 +101,7 @@ def plate() -> Scene:
         **{"camera.left.resolution_px": [96, 72], "camera.left.focal_mm": 27.5},
     )  # fmt: skip
     document = scene.document
+    document["sensor"] |= {"full_well_e": 1000.0}  # noise that nobody asks for
     document["measure"] = [{"name": "spot", "type": "point", "camera": "left", "subset_px": 31,
                             "mm_per_px": 2.0 / 3.0, "points_mm": [[-20.0, 0.0, 0.0]]}]  # fmt: skip
     return Scene.from_document(document)
