@@ -126,6 +126,10 @@ def work_off(
     progress: Progress,
 ) -> None:  # fmt: skip
     """Make what ``out`` doesn't have of the samples."""
+    copy = inside(out, COPY)
+    is_own = copy.exists() and Path(study.source).exists() and copy.samefile(study.source)
+    what, expected = f"study: {copy} would be overwritten", "another output folder"
+    require(is_own or not copy.exists() or inside(out, INNER).exists(), what, out, expected)
     rows = read_rows(out, samples)
     final = {number: row["status"] for number, row in rows.items() if row["status"] in FINAL}
     new = [sample for sample in samples if sample.number not in final]
@@ -133,7 +137,8 @@ def work_off(
     left = [sample for sample in new if not sample.refused]
     plan = study_plan(study, left)
     pool = _pool(study, out, workers, scheduler, plan) if left else None
-    write_text(inside(out, COPY), study_text(study))
+    if not is_own:  # it may be the user's
+        write_text(copy, study_text(study))
     log = RowLog(out)
     for sample in refused:
         log.add(sample, "refused", sample.refused)

@@ -185,6 +185,17 @@ def test_bad_input_is_one_error_and_leaves_nothing(text: str, words: str, tmp_pa
     assert not (tmp_path / "out").exists()
 
 
+def test_a_study_file_of_the_user_stays_as_it_is(tmp_path: Path) -> None:
+    text = STUDY.replace("repeats = 2", "# mine").replace("29.0, 30.0", "29.0")
+    path = write_study(tmp_path, text.replace("60.0, 70.0", "60.0"))
+    other = path.with_name("other.toml")
+    other.write_text(path.read_text())
+    with pytest.raises(InputError, match="would be overwritten"):
+        gs.study(other, tmp_path)
+    assert gs.study(path, tmp_path)["status"].tolist() == ["done"]
+    assert path.read_text() == other.read_text()
+
+
 def test_one_study_in_a_folder_at_a_time(tmp_path: Path) -> None:
     path = write_study(tmp_path)
     with claim(tmp_path / "out"), pytest.raises(InputError, match="is in use by process"):
