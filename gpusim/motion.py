@@ -127,7 +127,7 @@ class Oscillation(_Unloaded):
     def later(self, state: State, seconds: float) -> State:
         """The same motion at another time."""
         number, share, *past = state
-        return number, share, seconds + sum(past)
+        return (number, share, seconds + sum(past)) if number else state
 
     def frequency(self, state: State) -> float:
         """Hz; 0 where nothing moves, or all do."""

@@ -122,7 +122,7 @@ def test_keys_of_both_tables_agree() -> None:
     common, own = (
         set(table.model_json_schema()["properties"]) for table in (SensorTable, CameraSensorTable)
     )
-    assert common - own == {"format", "seed", "series"} and not own - common
+    assert common - own == {"drift_percent", "format", "seed", "series"} and not own - common
 
 
 def test_faults_between_both_sensors_name_the_camera(tmp_path: Path) -> None:
