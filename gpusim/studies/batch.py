@@ -53,6 +53,13 @@ def bare(study: Study) -> Study:
     return replace(study, scene=study.scene.replace("output", {"fields": False, **kept}))
 
 
+def result_keys(study: Study, sample: Sample) -> tuple[Scene, dict[str, list[str]]]:
+    """The scene of a sample, and by stage the keys of its results in the study's store."""
+    scene, graph = sample.scene(study), Graph()
+    graph.add(scene_stages(scene, RunOptions(study.backend)).stages)
+    return scene, graph.records[""]
+
+
 class Worker:
     """What makes samples of the study in ``out`` in this process: its device, store and rows.
 

@@ -14,12 +14,9 @@ from gpusim.errors import require
 from gpusim.files.atomic_files import write_text
 from gpusim.files.output_folder import check_below, claim, inside
 from gpusim.graph.folder import INNER
-from gpusim.graph.graph import Graph
 from gpusim.graph.store import Store
 from gpusim.pipeline.runner.stage_log import Progress, silent
-from gpusim.plan.scene_stages import scene_stages
-from gpusim.plan.stages import RunOptions
-from gpusim.studies.batch import Worker, bare
+from gpusim.studies.batch import Worker, bare, result_keys
 from gpusim.studies.executors import Client, Here, LocalPool, Pool, local_workers
 from gpusim.studies.plan import StudyPlan, check_samples, study_plan
 from gpusim.studies.report import Pictures, write_study_report
@@ -103,10 +100,9 @@ def _pictures(study: Study, samples: Sequence[Sample], out: Path) -> Pictures:
     store = Store(inside(out, INNER))
 
     def last(number: int) -> Path | None:
-        scene, graph = samples[number].scene(study), Graph()
-        graph.add(scene_stages(scene, RunOptions(study.backend)).stages)
+        scene, keys = result_keys(study, samples[number])
         for camera in scene.cameras:
-            record = store.find(graph.records[""][f"picture/{camera.name}"][-1])
+            record = store.find(keys[f"picture/{camera.name}"][-1])
             for facts in record.files.values() if record else ():
                 return store.blob(facts.sha256)
         return None

@@ -16,12 +16,10 @@ from gpusim.errors import GpusimError
 from gpusim.export.layers import LAYERS
 from gpusim.files.atomic_files import safe_name
 from gpusim.files.input_file import InputFile
-from gpusim.graph.graph import Graph
 from gpusim.graph.stage import digest
 from gpusim.graph.store import Record, Store
 from gpusim.pipeline.pictures.file_names import image_name
-from gpusim.plan.scene_stages import scene_stages
-from gpusim.plan.stages import RunOptions
+from gpusim.studies.batch import result_keys
 from gpusim.studies.dataset.splits import CropWindow
 
 if TYPE_CHECKING:  # who calls this knows them
@@ -58,9 +56,7 @@ class SampleResults:
 
     def __init__(self, study: Study, sample: Sample, store: Store, opened: OpenedSample) -> None:
         self.sample, self._store, self._opened = sample, store, opened
-        scene, graph = sample.scene(study), Graph()
-        graph.add(scene_stages(scene, RunOptions(study.backend)).stages)
-        self._keys = graph.records[""]
+        scene, self._keys = result_keys(study, sample)
         shapes = [
             own for name, own in sorted(self._keys.items())
             if name.split("/")[0] in ("mesh", "motion", "props")
