@@ -272,8 +272,9 @@ def _saddle(smooth: Single, corner: tuple[int, int], size: float) -> tuple[float
     The response is flat around a checker's centre and its peak up to 2 px off.
     """
     height, width = smooth.shape
-    column, row = corner
+    trail = [corner]
     for _ in range(6):
+        column, row = trail[-1]
         if not (2 <= column < width - 2 and 2 <= row < height - 2):
             return None
         patch = smooth[row - 2 : row + 3, column - 2 : column + 3].astype(np.float64).ravel()
@@ -283,11 +284,13 @@ def _saddle(smooth: Single, corner: tuple[int, int], size: float) -> tuple[float
             return None
         dx = np.clip((xy * by_y - yy * by_x) / bend, -2, 2)
         dy = np.clip((xy * by_x - xx * by_y) / bend, -2, 2)
-        step = round(float(dx)), round(float(dy))
-        column, row = column + step[0], row + step[1]
-        if step == (0, 0):
+        following = column + round(float(dx)), row + round(float(dy))
+        if following in trail:
             near = np.hypot(column - corner[0], row - corner[1]) <= max(2.0, size / 3)
-            return (column + float(dx), row + float(dy)) if near else None
+            swing = trail[trail.index(following) :]  # to and fro, where the picture is flat
+            x, y = np.mean(swing, axis=0) if len(swing) > 1 else (column + dx, row + dy)
+            return (float(x), float(y)) if near else None
+        trail.append(following)
     return None
 
 

@@ -16,8 +16,9 @@ from gpusim.files.output_folder import inside
 from gpusim.graph.stage import digest
 from gpusim.optics.calibration.formats import calibration_text
 from gpusim.pipeline.scene_objects.cameras import build_camera
+from gpusim.scene import Scene
 from gpusim.scene.effects import without_effects
-from gpusim.studies.budget.draws import draw, together
+from gpusim.studies.budget.draws import Overrides, SourceValues, draw, together
 from gpusim.studies.budget.identifiability import remarks
 from gpusim.studies.budget.page import write_budget
 from gpusim.studies.budget.sources import JOINT, sources_of
@@ -28,6 +29,10 @@ from gpusim.studies.study_tables import Study
 from gpusim.studies.table import SampleTable
 from gpusim.validation import require
 
+_SENSOR = {"noise": {"seed", "read_noise_e", "dark_current_e_per_s", "dsnu_e", "prnu_percent",
+                     "full_well_e", "gain_DN_per_e", "preset"},
+           "quantisation": {"bits", "black_level_DN"}}  # fmt: skip
+"""Effects that aren't there while other sources are drawn, and what changes them."""
 RIG = "budget/rig.yml"  # the cameras as pairs measure with them
 # units of what counts or judges, and what names have that tell how well something is measured
 _NO_QUANTITIES = "1", "px^2"
@@ -42,19 +47,43 @@ def budget_samples(study: Study) -> Sequence[Sample]:
     drawn = draw(base, sources_of(base, tables), tables)
     whole = {key: value for one in drawn for key, value in one.nominal.items()}
     head = digest([__version__, study.backend, base.digest(), tables.calibration])
-    names, samples = {one.name for one in drawn}, list[Sample]()
+    effects, samples = {one.name: _of_sensor(one) for one in drawn}, list[Sample]()
     alone = [(one.name, one.overrides) for one in drawn]
     for name, changes in [("", [{}]), *alone, (JOINT, together(drawn))]:
         # other sources are drawn without noise and steps of grey: what they do would move the
         # pattern over these, which would count with each of them
-        kept = names if name == JOINT else {name}
-        off = [] if "noise" in kept else ["noise", *{"quantisation"} - kept]
-        common = {"sensor": without_effects(base.document, off)["sensor"]} | whole
+        kept = effects if name == JOINT else {name: effects.get(name, set())}
+        common = _with_sensors(base, whole, set[str]().union(*kept.values()))
         for number, change in enumerate(changes):
             overrides = common | change
             key = digest([head, name, number, overrides])
             samples.append(Sample(len(samples), 0, {"source": name}, overrides, key))
     return samples
+
+
+def _of_sensor(source: SourceValues) -> set[str]:
+    """Which of noise and steps of grey a source changes."""
+    keys = {*source.nominal, *source.overrides[0]}
+    return {name for name in _SENSOR
+            if name == source.name or any(_changes(key, name) for key in keys)}  # fmt: skip
+
+
+def _changes(key: str, effect: str) -> bool:
+    """Whether a key of the scene is one of a sensor that an effect is made of."""
+    path = key.split(".")
+    return "sensor" in path[:-1] and path[-1] in _SENSOR[effect]
+
+
+def _with_sensors(scene: Scene, nominal: Overrides, kept: set[str]) -> Overrides:
+    """What sources change, where none is drawn, and sensors with noise and steps of grey as far as
+    these are ``kept``; noise hides the steps, so they stay with it."""
+    off = [] if "noise" in kept else [*_SENSOR.keys() - kept]
+    document = without_effects(scene.document, off)
+    own = {f"camera.{one['name']}.sensor": one["sensor"] for one in document["camera"]
+           if one.get("sensor") is not None}  # fmt: skip
+    there = {key: value for key, value in nominal.items()
+             if not ("noise" in off and _changes(key, "noise"))}  # fmt: skip
+    return {"sensor": document["sensor"]} | own | there
 
 
 def with_rig(study: Study, out: Path) -> Study:

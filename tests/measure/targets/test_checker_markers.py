@@ -52,6 +52,16 @@ def test_a_small_marker_between_four_pixels_of_a_large_range_is_found() -> None:
         assert np.abs(np.sort(found.points[:, 0]) - [40.5, 110.5]).max() <= 0.003
 
 
+@pytest.mark.parametrize("size", [10.2, 13.0])
+@pytest.mark.parametrize("angle", [0.0, 0.05])
+def test_markers_right_on_a_pixel_are_found(size: float, angle: float) -> None:
+    """The picture is flat around there: Newton's steps swing from one side to the other."""
+    for x, y in ((30.0, 30.0), (30.0, 30.02), (29.99, 30.0), (30.0, 30.25)):
+        image = board(60, 60, [Marker(x, y, size, size, angle)])
+        found = locate_markers(image, [[x, y]], (10.0, 1.3 * size), 8.0)
+        assert found.ok.all() and np.abs(found.points - [x, y]).max() <= 0.003
+
+
 def test_what_is_no_marker_is_not_reported() -> None:
     """Plain squares, stripes, a big checker and a marker of another size."""
     pieces = [

@@ -20,6 +20,7 @@ from gpusim.pipeline.measurements.dic.rig import Rig, rig_of
 from gpusim.scene import Scene
 from gpusim.studies import Study
 from gpusim.studies.budget import SourceDraws, UncertaintyBudget
+from gpusim.studies.budget.budget_study import budget_samples
 from gpusim.studies.budget_tables import BudgetTable
 from gpusim.studies.study import study
 from gpusim.studies.study_tables import StudyTable
@@ -129,6 +130,24 @@ def test_a_budget_as_a_study(tmp_path: Path) -> None:
     again = study(made, tmp_path / "out")
     np.testing.assert_array_equal(again["seconds"], table["seconds"])
     assert page.read_text() == before
+
+
+def test_noise_is_in_what_draws_it_alone() -> None:
+    """Whatever its source is called, and whichever sensor it is of."""
+    document = plate().document
+    document["camera"][0]["sensor"] = {"full_well_e": 2000.0, "read_noise_e": 4.0}
+    sources = [
+        {"name": "grain", "keys": ["sensor.seed"], "seeds": True},
+        {"name": "read-out", "keys": ["camera.left.sensor.read_noise_e"], "percent": 10.0},
+    ]
+    tables = BudgetTable.model_validate({"draws": 5, "sources": ["light"], "source": sources})
+    made = Study(StudyTable(scene="-", budget=tables), Scene.from_document(document), Path())
+    noisy = dict[str, set[bool]]()
+    for sample in budget_samples(made):
+        sensor = sample.scene(made).sensor_of("left")
+        noisy.setdefault(sample.values["source"], set()).add(sensor.full_well_e is not None)
+    assert noisy == {"": {False}, "light": {False}, "grain": {True}, "read-out": {True},
+                     "all together": {True}}  # fmt: skip
 
 
 def test_a_scene_without_measures(tmp_path: Path) -> None:
