@@ -25,6 +25,10 @@ MIN_GAIN, GAIN_STEPS = 1e-4, 4
 # an error of one standard deviation adds to the squares of a thousand samples
 LAST_GAIN = 1e-3
 
+# a parameter that stays above 0 grows at most by this in a step: near 0 its slope may hold no
+# further than a hair, and where it leads to no step is taken until all of them are tiny
+MOST_GROWTH = 16.0
+
 
 @dataclass(frozen=True)
 class ManyFits:
@@ -64,8 +68,7 @@ def fit_many(
     scale : (Q,) sizes of a step in each parameter that is one unit; a fit has converged when its
         step is below ``tolerance`` in all of them.
     lower : (Q,) least values of the parameters, or None. One that is there and would go further
-        down is held while the others take their step, and so after a step that led up instead of
-        down: what the slopes there say of it may hold no further than a hair.
+        down is held while the others take their step; one that is above 0 grows by `MOST_GROWTH`.
     """
     count = len(start)
     p = start.copy()
@@ -75,15 +78,13 @@ def fit_many(
     normal, gradient, square = _normal(model, p, active, weight)
     earlier, steps = square.copy(), np.zeros(count, dtype=np.int64)
     gained = np.full(count, np.inf)
-    refused = np.zeros(count, dtype=bool)
     for _ in range(iterations):
         least = None if lower is None else p[active] <= lower
-        step = _damped_steps(
-            normal[active], -gradient[active], damping[active, None], least, refused[active, None]
-        )
+        step = _damped_steps(normal[active], -gradient[active], damping[active, None], least)
         new = p[active] + step
         if lower is not None:
-            new = np.maximum(new, lower)
+            most = np.where(lower > 0.0, MOST_GROWTH * p[active], np.inf)
+            new = np.clip(new, lower, most)
             step = new - p[active]
         small = np.asarray((np.abs(step) <= tolerance * scale).all(axis=1))
         # the last step of a fit that is hardly damped needs no look at what it changes
@@ -99,7 +100,6 @@ def fit_many(
         normal[taken], gradient[taken] = new_normal[better], new_gradient[better]
         square[taken] = new_square[better]
         steps[taken] += 1
-        refused[active] = ~better
         damping[taken] = np.maximum(0.1 * damping[taken], MIN_DAMPING)
         damping[active[~better]] *= 10.0
         converged[active[small]] = True
@@ -119,18 +119,15 @@ def fit_many(
     return ManyFits(p, np.sqrt(square / total), covariance, converged)
 
 
-def _damped_steps(
-    normal: Float, down: Float, damping: Float, least: Bool | None, refused: Bool
-) -> Float:
+def _damped_steps(normal: Float, down: Float, damping: Float, least: Bool | None) -> Float:
     """Steps (K, Q) by normal matrices and gradients ``down`` the slope, both of which are changed;
-    parameters that are ``least`` (K, Q) don't go further down, nor up where that was ``refused``
-    (K, 1)."""
+    parameters that are ``least`` (K, Q) don't go further down."""
     diagonal = np.arange(normal.shape[1])
     main = normal[:, diagonal, diagonal]
     floor = 1e-12 * main.max(axis=1, keepdims=True) + 1e-300
     normal[:, diagonal, diagonal] = main + damping * main + floor
     if least is not None:
-        held = least & ((down <= 0) | refused)
+        held = least & (down <= 0)
         normal[held[:, :, None] | held[:, None, :]] = 0.0
         normal[:, diagonal, diagonal] += held
         down[held] = 0.0
