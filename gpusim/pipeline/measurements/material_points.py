@@ -74,14 +74,16 @@ class TrueMotion:
         self._surfaces: dict[int | None, Sequence[Surface]] = (
             {0: first, None: first} if first else {}
         )
+        self._cameras: dict[str, Camera] = {}
         self._views: dict[tuple[str, int | None], PointLocation] = {}
 
     def camera(self, name: str) -> Camera:
         """A camera of the scene as it really is, lengths in m."""
-        known = {one.name: one for one in self.scene.cameras}
-        require_one_of("camera", name, known)
-        spec = known[name]
-        return build_camera(spec, self.scene.input)
+        if name not in self._cameras:
+            known = {one.name: one for one in self.scene.cameras}
+            require_one_of("camera", name, known)
+            self._cameras[name] = build_camera(known[name], self.scene.input)
+        return self._cameras[name]
 
     def surfaces(self, frame: int | None) -> Sequence[Surface]:
         """All surfaces in a frame, bodies first."""
