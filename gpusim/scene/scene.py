@@ -349,6 +349,9 @@ def load_scene(
     document = parse_toml(text)
     if isinstance(document, Fault):
         raise SceneError(source, [document])
+    if isinstance(document.get("scene"), str) and "schema" not in document:
+        expected = f"a scene, such as its {document['scene']}; or gpusim study {place}"
+        raise SceneError(source, [Fault("scene", "this is a study", expected=expected)])
     return Scene.from_document(
         document,
         source=source,

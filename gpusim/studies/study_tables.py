@@ -242,6 +242,9 @@ def load_study(
     document = parse_toml(text)
     if isinstance(document, Fault):
         raise SceneError(str(place), [document])
+    if "schema" in document and "scene" not in document:
+        expected = f'a file with scene = "{place.name}" and what is varied, or --budget'
+        raise InputError(f"{place}: a scene, no study; expected {expected}")
     try:
         json.dumps(document)
         tables = StudyTable.model_validate(document)

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from gpusim.errors import GpusimError
+from gpusim.scene import load_scene
 from gpusim.studies import load_study
 from gpusim.studies.study_tables import study_text
 from tests.studies.small_studies import FOCAL, STUDY, write_study
@@ -43,6 +44,15 @@ def test_what_is_wrong_is_said_with_its_line(text: str, words: str, tmp_path: Pa
         load_study(path)
     assert words in str(caught.value)
     assert caught.value.exit_code == 2
+
+
+def test_a_scene_and_a_study_are_told_apart(tmp_path: Path) -> None:
+    """By one line, whichever stands in place of the other."""
+    path = write_study(tmp_path)
+    with pytest.raises(GpusimError, match=r"bar\.toml: a scene, no study; expected a file with"):
+        load_study(tmp_path / "bar.toml")
+    with pytest.raises(GpusimError, match=r"1 fault\n  scene: this is a study; expected .* study "):
+        load_scene(path)
 
 
 def test_a_scene_that_is_none_and_one_with_variants(tmp_path: Path) -> None:
