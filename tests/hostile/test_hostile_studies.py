@@ -30,14 +30,14 @@ TOGETHER = 10
 """Kills in one study."""
 STUDY = f"""scene = "bar.toml"
 backend = "numpy"
-repeats = 3
+repeats = 2
 [[parameter]]
 key = "{YOUNG}"
 list = [60.0, 65.0, 70.0, 75.0]
 name = "E"
 [[parameter]]
 key = "{FOCAL}"
-list = [29.0, 29.5, 30.0, 30.5]
+list = [29.0, 29.5, 30.0, 30.5, 31.0]
 name = "f"
 """
 
@@ -133,7 +133,7 @@ class Disturbed:
                 self.done = code == 0
                 if not self.done:
                     self.client = self._begin()
-            time.sleep(0.005)
+            time.sleep(0.02)
 
     def kill(self, chance: random.Random) -> None:
         """Kill one of its processes."""
