@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import gpusim
+from tests.support.source_outline import outline
 
 PACKAGE = Path(gpusim.__file__).parent
 
@@ -99,18 +100,16 @@ def part_of(path: Path) -> str:
 def imported_modules(path: Path) -> Iterator[tuple[int, str]]:
     """Line and absolute dotted name of every gpusim import, at any depth of the code."""
     package = ("gpusim", *path.relative_to(PACKAGE).parent.parts)
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in outline(path.read_text(encoding="utf-8")).imports:
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
+        else:
             base = node.module or ""
             if node.level:
                 parent = package[: len(package) - node.level + 1]
                 base = ".".join([*parent, base] if base else parent)
             # `from gpusim import fem` names a module; `from gpusim.fem import solve` doesn't.
             names = [f"{base}.{a.name}" for a in node.names] if base == "gpusim" else [base]
-        else:
-            continue
         for name in names:
             if name.split(".")[0] == "gpusim":
                 yield node.lineno, name
@@ -164,16 +163,6 @@ def optics_part(name: str) -> int:
     return OPTICS.index(name.split(".")[2])
 
 
-def statements(tree: ast.AST, with_types: bool) -> Iterator[ast.AST]:
-    """All of a module, at any depth; without types, none that stand below ``if TYPE_CHECKING``."""
-    for node in ast.iter_child_nodes(tree):
-        if with_types or not (
-            isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING")
-        ):
-            yield node
-            yield from statements(node, with_types)
-
-
 @cache
 def import_graph(with_types: bool = True) -> dict[str, set[str]]:
     """Every module with those that it imports, at any depth of the code and for types, too."""
@@ -185,10 +174,11 @@ def import_graph(with_types: bool = True) -> dict[str, set[str]]:
     graph: dict[str, set[str]] = {}
     for module, path in modules.items():
         own = graph.setdefault(module, set())
-        for node in statements(ast.parse(path.read_text(encoding="utf-8")), with_types):
+        code = outline(path.read_text(encoding="utf-8"))
+        for node in code.imports if with_types else code.imports_when_run:
             if isinstance(node, ast.Import):
                 own |= {alias.name for alias in node.names} & set(modules)
-            elif isinstance(node, ast.ImportFrom):
+            else:
                 package = module if path.name == "__init__.py" else module.rpartition(".")[0]
                 parent = package.split(".")[: len(package.split(".")) - node.level + 1]
                 base = node.module or ""

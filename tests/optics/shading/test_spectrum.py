@@ -112,7 +112,7 @@ def chart() -> tuple[list[gs.Surface], list[Any], gs.Camera, npt.NDArray[np.floa
         gs.PointLight((0.0, -4.0, 4.0), 300.0, color=gs.blackbody(2856.0)),
         gs.PointLight((6.0, -5.0, 1.0), 500.0, color=gs.blackbody(6504.0)),
     ]
-    view = gs.Camera.from_lens((36, 24), 50, (240, 160), (3.0, -9.5, 2.0), (3.0, 0.0, 2.0))
+    view = gs.Camera.from_lens((36, 24), 50, (120, 80), (3.0, -9.5, 2.0), (3.0, 0.0, 2.0))
     return surfaces, lights, view, np.array(colors)
 
 
