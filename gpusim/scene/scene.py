@@ -147,10 +147,8 @@ class Scene:
             faults += variant_faults(plain, folder, hashes)
         if faults or table is None:
             more += max(len(faults) - MOST, 0)
-            faults = [
-                replace(one, place=one.place or with_names(plain, one.key)) for one in faults[:MOST]
-            ]
-            raise SceneError(source, faults, more)
+            named = ((one.place or with_names(plain, one.key), one) for one in faults[:MOST])
+            raise SceneError(source, [replace(one, place=place) for place, one in named], more)
         return cls._of_table(table, source, hashes)
 
     @classmethod
@@ -353,14 +351,10 @@ def load_scene(
     if isinstance(document, Fault):
         raise SceneError(source, [document])
     if isinstance(document.get("scene"), str) and "schema" not in document:
-        expected = f"a scene, such as its {document['scene']}; or gpusim study {place}"
-        raise SceneError(source, [Fault("scene", "this is a study", expected=expected)])
+        expected = "a scene, or gpusim study in place of this"
+        raise SceneError(source, [Fault("scene", "is that of a study", expected=expected)])
     return Scene.from_document(
-        document,
-        source=source,
-        origins=key_lines(text),
-        overrides=overrides,
-        folder=place.parent,
+        document, source=source, origins=key_lines(text), overrides=overrides, folder=place.parent
     )
 
 
