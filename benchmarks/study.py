@@ -267,9 +267,9 @@ def many(folder: Path, minutes: float) -> Rows:
         if done and below and done < len(samples):
             memory.append((done, resident(whole.pid), max(below)))
     wall = time.perf_counter() - start
+    made = made_in(out)
     whole.send_signal(signal.SIGINT)
     whole.wait()
-    made = made_in(out)
     places = [next(k for k, (count, *_) in enumerate(memory) if count >= part * memory[-1][0])
               for part in (0.1, 0.5, 1.0)]  # fmt: skip
     told = [", ".join(f"{1e-6 * memory[k][which]:.0f}" for k in places) + " MB" for which in (1, 2)]
