@@ -266,10 +266,12 @@ class Store:
             if _has_ended(path.name.split("-")[1]):
                 path.unlink(missing_ok=True)
         clean_leftovers(inside(self.root, "log"))
-        with suppress(OSError), os.scandir(inside(self.root, "scratch")) as entries:
-            for entry in entries:
-                if _has_ended(entry.name.split("-")[0]):
-                    shutil.rmtree(entry.path, ignore_errors=True)
+        scratch = inside(self.root, "scratch")
+        with suppress(OSError):  # there is none, or something is left in it
+            for path in scratch.iterdir():
+                if _has_ended(path.name.split("-")[0]):
+                    shutil.rmtree(path, ignore_errors=True)
+            scratch.rmdir()
 
     def close(self) -> None:
         """Flush what was added, and put the logs of writers that have ended together in one."""

@@ -283,6 +283,11 @@ def test_what_killed_writers_left_goes_and_that_of_living_ones_stays(tmp_path: P
     assert not any(path.exists() for path in left) and not left[-1].parents[1].exists()
     assert all(path.exists() for path in stays)
     assert store.fault(KEY, "stage") is None
+    (mine / "x").unlink()
+    mine.rmdir()
+    stays[2].unlink()
+    store.clean()
+    assert not (tmp_path / "scratch").exists()
 
 
 @pytest.mark.parametrize("name", ["log", "blobs", "blobs/3a", "scratch", "claims"])
