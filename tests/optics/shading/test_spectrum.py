@@ -77,11 +77,11 @@ def of_band(surfaces: list[gs.Surface], lights: list[Any] | None, band: int) -> 
 def test_planes_are_the_pictures_of_the_bands(device: Device, lit: bool, shadows: bool) -> None:
     surfaces, lamps = laboratory(shadows, glossy=not shadows)
     lights = lamps if lit else None
-    frame = gs.render(surfaces, camera(240, 160), lights, background=BEHIND, device=device)
-    assert frame.radiance.shape == (160, 240, 3) and frame.coloured
+    frame = gs.render(surfaces, camera(120, 80), lights, background=BEHIND, device=device)
+    assert frame.radiance.shape == (80, 120, 3) and frame.coloured
     for band in BANDS:
         grey = gs.render(
-            *(own := of_band(surfaces, lights, band))[:1], camera(240, 160), own[1],
+            *(own := of_band(surfaces, lights, band))[:1], camera(120, 80), own[1],
             background=BEHIND[band], device=device,
         )  # fmt: skip
         np.testing.assert_allclose(
