@@ -12,10 +12,12 @@ from pathlib import Path
 
 from gpusim.errors import require
 from gpusim.files.atomic_files import write_text
+from gpusim.files.input_file import read_input
 from gpusim.files.output_folder import check_below, claim, inside
 from gpusim.graph.folder import INNER
 from gpusim.graph.store import Store
 from gpusim.pipeline.runner.stage_log import Progress, silent
+from gpusim.scene.toml_text import parse_toml
 from gpusim.studies.batch import Worker, bare, result_keys
 from gpusim.studies.executors import Client, Here, LocalPool, Pool, local_workers
 from gpusim.studies.plan import StudyPlan, check_samples, study_plan
@@ -125,8 +127,8 @@ def work_off(
     """Make what ``out`` doesn't have of the samples."""
     copy = inside(out, COPY)
     is_own = copy.exists() and Path(study.source).exists() and copy.samefile(study.source)
-    what, expected = f"study: {copy} would be overwritten", "another output folder"
-    require(is_own or not copy.exists() or inside(out, INNER).exists(), what, out, expected)
+    if copy.exists() and not is_own:
+        _check_copy(study, copy)
     rows = read_rows(out, samples)
     final = {number: row["status"] for number, row in rows.items() if row["status"] in FINAL}
     new = [sample for sample in samples if sample.number not in final]
@@ -149,6 +151,17 @@ def work_off(
     if isinstance(pool, Here):
         pool.worker.log.told = client.look
     client.work_off()
+
+
+def _check_copy(study: Study, copy: Path) -> None:
+    """Raise InputError for a copy in the folder that isn't one of the same scene's, which it would
+    overwrite."""
+    found = parse_toml(read_input(copy, "a study file").text("TOML in UTF-8"))
+    known = found if isinstance(found, dict) and inside(copy.parent, INNER).exists() else {}
+    scene, is_budget = known.get("scene"), study.tables.budget is not None
+    got = f"a {'budget' if 'budget' in known else 'study'} of {scene}" if scene else "another file"
+    fits = scene == str(Path(study.scene.source).absolute()) and ("budget" in known) == is_budget
+    require(fits, f"study: {copy} would be overwritten", got, "another output folder")
 
 
 def _pool(study: Study, out: Path, workers: int, scheduler: str | None, plan: StudyPlan) -> Pool:
