@@ -96,21 +96,38 @@ def part_of(path: Path) -> str:
     return path.relative_to(PACKAGE).with_suffix("").parts[0]
 
 
+@cache
+def imports(path: Path) -> list[tuple[ast.Import | ast.ImportFrom, bool]]:
+    """Those of a file, at any depth, and which of them stand below ``if TYPE_CHECKING``."""
+    found: list[tuple[ast.Import | ast.ImportFrom, bool]] = []
+
+    def look(within: ast.AST, for_types: bool) -> None:
+        for node in ast.iter_child_nodes(within):
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                found.append((node, for_types))
+            elif isinstance(node, ast.stmt | ast.excepthandler | ast.match_case):
+                typed = isinstance(node, ast.If) and ast.unparse(node.test).endswith(
+                    "TYPE_CHECKING"
+                )
+                look(node, for_types or typed)
+
+    look(ast.parse(path.read_text(encoding="utf-8")), False)
+    return found
+
+
 def imported_modules(path: Path) -> Iterator[tuple[int, str]]:
     """Line and absolute dotted name of every gpusim import, at any depth of the code."""
     package = ("gpusim", *path.relative_to(PACKAGE).parent.parts)
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node, _ in imports(path):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
+        else:
             base = node.module or ""
             if node.level:
                 parent = package[: len(package) - node.level + 1]
                 base = ".".join([*parent, base] if base else parent)
             # `from gpusim import fem` names a module; `from gpusim.fem import solve` doesn't.
             names = [f"{base}.{a.name}" for a in node.names] if base == "gpusim" else [base]
-        else:
-            continue
         for name in names:
             if name.split(".")[0] == "gpusim":
                 yield node.lineno, name
@@ -164,16 +181,6 @@ def optics_part(name: str) -> int:
     return OPTICS.index(name.split(".")[2])
 
 
-def statements(tree: ast.AST, with_types: bool) -> Iterator[ast.AST]:
-    """All of a module, at any depth; without types, none that stand below ``if TYPE_CHECKING``."""
-    for node in ast.iter_child_nodes(tree):
-        if with_types or not (
-            isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING")
-        ):
-            yield node
-            yield from statements(node, with_types)
-
-
 @cache
 def import_graph(with_types: bool = True) -> dict[str, set[str]]:
     """Every module with those that it imports, at any depth of the code and for types, too."""
@@ -185,10 +192,12 @@ def import_graph(with_types: bool = True) -> dict[str, set[str]]:
     graph: dict[str, set[str]] = {}
     for module, path in modules.items():
         own = graph.setdefault(module, set())
-        for node in statements(ast.parse(path.read_text(encoding="utf-8")), with_types):
+        for node, for_types in imports(path):
+            if for_types and not with_types:
+                continue
             if isinstance(node, ast.Import):
                 own |= {alias.name for alias in node.names} & set(modules)
-            elif isinstance(node, ast.ImportFrom):
+            else:
                 package = module if path.name == "__init__.py" else module.rpartition(".")[0]
                 parent = package.split(".")[: len(package.split(".")) - node.level + 1]
                 base = node.module or ""
