@@ -17,7 +17,7 @@ def nonlinear(model: Model, *factors: float) -> Solution:
     return solve(model, geometry="nonlinear", factors=factors)
 
 
-@pytest.mark.parametrize("eccentric", [1e-2, 1e-4, 1e-6])
+@pytest.mark.parametrize("eccentric", [1e-2, pytest.param(1e-4, marks=pytest.mark.slow), 1e-6])
 @pytest.mark.parametrize("alpha", [3.0, 10.0])
 def test_a_column_buckles_to_the_side_that_it_is_pushed_to(eccentric: float, alpha: float) -> None:
     model = pressed_column((20, 1, 1), alpha, eccentric).model

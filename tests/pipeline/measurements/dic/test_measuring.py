@@ -251,11 +251,11 @@ def test_advice_needs_a_large_region(tmp_path: Path) -> None:
         gs.run(scene, tmp_path)
 
 
-@pytest.mark.drawn
 def test_a_blank_surface_is_told(tmp_path: Path) -> None:
     body = copy.deepcopy(speckled_plate().document["body"])
     body[0]["paint"] = [{"name": "plain", "type": "plain", "albedo": 0.5}]
-    report = gs.run(speckled_plate({"camera": "left"}, body=body), tmp_path)
+    with figures_drawn():
+        report = gs.run(speckled_plate({"camera": "left"}, body=body), tmp_path)
     (warning,) = report.warnings
     assert re.fullmatch(
         r"measure 'field0': (\d+) of \1 points lost in frame 1: \1 no texture", warning
