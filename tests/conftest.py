@@ -10,6 +10,7 @@ Environment:
 
 from __future__ import annotations
 
+import gc
 import os
 import random
 import sys
@@ -25,7 +26,7 @@ from gpusim.gpu import Device, default_device
 from gpusim.gpu.context import DeviceContext
 from tests.support.report_figures import draw_figures
 
-LONGEST = "test_stability_solver", "view/test_window"
+LONGEST = "test_stability_solver", "/view/"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -42,6 +43,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     """Refuse to test something else than what was asked for."""
     os.environ["GPUSIM_NO_CACHE"] = "1"  # nothing that a test does is for later runs
     os.fsync = os.fstat  # type: ignore[assignment]  # no test sees the power fail, all would wait
+    gc.disable()  # until all tests are collected: a quarter of that time, and next to no garbage
     without_device = session.config.getoption("without_device")
     if without_device:
         DeviceContext.__init__ = _skip  # type: ignore[method-assign]
@@ -58,6 +60,13 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Files that take longest first: at the end one process would wait for the other."""
     items.sort(key=lambda item: not any(name in item.nodeid for name in LONGEST))
+
+
+def pytest_collection_finish() -> None:
+    """What was collected stays to the end: to look through it for garbage takes time, again and
+    again."""
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -196,8 +196,8 @@ class Store:
                 os.replace(output, part)
             else:
                 output(part)
-            sha256 = _hash(part)
-            facts = FileFacts(sha256, part.stat().st_size, part.stat().st_mtime_ns)
+            sha256, written = _hash(part), part.stat()
+            facts = FileFacts(sha256, written.st_size, written.st_mtime_ns)
             path = inside(folder, sha256[:2], sha256)
             with suppress(FileNotFoundError):
                 known = FileFacts(sha256, facts.size, path.stat().st_mtime_ns)
@@ -281,6 +281,8 @@ class Store:
             os.close(self._claims)
             self._claims = -1
         self._log.close()
+        with suppress(OSError):  # somebody else is at work
+            (self.root / "scratch").rmdir()
         ended = [
             path for path in _plain_files(inside(self.root, "log"))
             if path == self._log.path or _has_ended(path.name.split("-")[0])

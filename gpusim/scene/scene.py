@@ -37,6 +37,7 @@ from .description import model
 from .description.measure_table import TABLES
 from .description.scene_table import SceneTable
 from .files import find_files
+from .known_tables import KnownTables
 from .measure_kinds import load_kinds
 from .toml_text import document_fault, parse_toml, size_fault, toml_text
 
@@ -108,13 +109,15 @@ class Scene:
         folder: str | Path = ".",
         files: Iterable[tuple[str, str]] = (),
         resolved: bool = False,
+        known: KnownTables | None = None,
     ) -> Scene:
         """Validate a plain document (nested dicts and lists, keys as in the file).
 
         ``origins`` tells the line of each key for messages. ``overrides`` (dotted path -> value)
         come first; mesh files are looked for in ``folder``. ``files``: what is known of them; one
         that was changed since is a fault. ``resolved``: it is a scene's `document`, and those are
-        its files. Raises SceneError with every fault of document and overrides.
+        its files; ``known``: tables of others that were made of it. Raises SceneError with every
+        fault of document and overrides.
         """
         origins = origins or {}
         for given in (*([] if resolved else [document]), overrides or {}):
@@ -134,7 +137,7 @@ class Scene:
         load_kinds(plain)
         table, more = None, 0
         try:
-            table = SceneTable.model_validate(plain)
+            table = known.validated(plain) if known else SceneTable.model_validate(plain)
         except ValidationError as error:
             found, more = faults_of(error, origins)
             faults += found

@@ -5,6 +5,7 @@ They see the study's folder under the same path; a batch and what becomes of it 
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from concurrent.futures import Future
 from pathlib import Path
@@ -27,6 +28,8 @@ class ClusterPool:
 
     def __init__(self, address: str) -> None:
         self._address = address
+        # a scheduler that dies, and is met again, is worth no traceback
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
         self._client = self._connected()
 
     @property

@@ -79,6 +79,8 @@ def study(
         if is_budget:
             loaded = import_module(_BUDGET).with_rig(loaded, folder)
         work_off(loaded, samples, folder, workers, scheduler, progress or silent)
+        store = Store(inside(folder, INNER))
+        store.clean()
         rows = read_rows(folder, samples)
         table = SampleTable.from_rows(loaded, samples, rows)
         table.write(folder)
@@ -86,7 +88,7 @@ def study(
         if is_budget:
             import_module(_BUDGET).report_budget(loaded, table, folder)
         else:
-            write_study_report(loaded, table, folder, _pictures(loaded, samples, folder))
+            write_study_report(loaded, table, folder, _pictures(loaded, samples, store))
         (progress or silent)("report", 1.0, "report.html, report.json")
         if loaded.tables.dataset is not None:
             import_module("gpusim.studies.dataset").write_dataset(
@@ -95,9 +97,8 @@ def study(
     return table
 
 
-def _pictures(study: Study, samples: Sequence[Sample], out: Path) -> Pictures:
+def _pictures(study: Study, samples: Sequence[Sample], store: Store) -> Pictures:
     """What finds the last picture of a sample's first camera."""
-    store = Store(inside(out, INNER))
 
     def last(number: int) -> Path | None:
         scene, keys = result_keys(study, samples[number])

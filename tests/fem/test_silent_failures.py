@@ -20,6 +20,7 @@ from gpusim.fem.multigrid import hierarchy
 from gpusim.fem.sparse.block_rows import block_matrix
 from gpusim.mesh import box, quadratic, split
 from tests.support.element_meshes import mixed_mesh
+from tests.support.two_blas_threads import two_blas_threads
 
 Float = npt.NDArray[np.float64]
 
@@ -105,18 +106,20 @@ def test_threads_get_the_same_bits_and_leave_blas_as_it_was() -> None:
         mesh = Mesh(points, {"hex8": cells})
         models.append(Model(mesh, [Isotropic(1.0, 0.3)], fixed, forces))
     alone = [solve(model, backend="numpy", method="direct").u for model in models]
-    before = [one["num_threads"] for one in threadpool_info()]
     together: dict[int, Float] = {}
 
     def run(number: int) -> None:
         together[number] = solve(models[number % 2], backend="numpy", method="direct").u
 
     threads = [threading.Thread(target=run, args=(number,)) for number in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert [one["num_threads"] for one in threadpool_info()] == before
+    with two_blas_threads():
+        before = [one["num_threads"] for one in threadpool_info()]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert [one["num_threads"] for one in threadpool_info()] == before
+        assert 2 in before
     for number in range(4):
         assert np.array_equal(together[number], alone[number % 2])
 

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from threadpoolctl import ThreadpoolController
 
 import gpusim as gs
 from gpusim.parallel import blas_threads
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.parallel.processes import in_copies
 from tests.support.measure_images import Waves
+from tests.support.two_blas_threads import two_blas_threads
 
 CONTROLLER = blas_threads._controller()
 
@@ -26,9 +26,7 @@ def numbers() -> list[int]:
 
 @pytest.fixture(autouse=True)
 def two_threads() -> Iterator[None]:
-    with ThreadpoolController().limit(limits=2, user_api="blas"):
-        OpenBLAS = type(CONTROLLER.lib_controllers[0])
-        getattr(OpenBLAS, "clear_controlling_thread", lambda force: None)(force=True)
+    with two_blas_threads():
         yield
 
 
