@@ -17,7 +17,7 @@ from gpusim.graph.folder import INNER
 from gpusim.graph.graph import Graph, Task
 from gpusim.graph.runner import Runner, StageFailed
 from gpusim.graph.session import Session
-from gpusim.graph.store import Store
+from gpusim.graph.store import ResultChanged, Store
 from gpusim.pipeline.measurements.results import Result
 from gpusim.pipeline.runner.scene_report import failure_text, read_results
 from gpusim.plan.decision import Decision
@@ -204,6 +204,7 @@ class _Batch:
             raise cause
         self.tries[task.key] += 1
         refused = isinstance(cause, InputError | SceneError)
+        refused = refused and not isinstance(cause, ResultChanged)
         if not refused and not isinstance(cause, NotConverged) and self.tries[task.key] < TRIES:
             return
         for place in {place for place, _ in task.places} & self.left.keys():

@@ -121,12 +121,13 @@ class _Planning:
         }  # fmt: skip
         pixels = sum(columns * rows for columns, rows in
                      (one.resolution for one in self._first.cameras))  # fmt: skip
+        stays = self.study.tables.keep == "results"
         per_camera = made["render"] / max(len(self._first.cameras), 1)
         return StudyPlan(
             len(self.samples),
             {word: made[kind] for kind, word in _WORDS.items()},
             self._projected(structure), spent,
-            int(_PER_PIXEL * per_camera * pixels), plan.memory_bytes,
+            int(_PER_PIXEL * per_camera * pixels) * stays, plan.memory_bytes,
         )  # fmt: skip
 
     @cached_property

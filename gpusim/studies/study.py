@@ -107,7 +107,8 @@ def _pictures(study: Study, samples: Sequence[Sample], store: Store) -> Pictures
         for camera in scene.cameras:
             record = store.find(keys[f"picture/{camera.name}"][-1])
             for facts in record.files.values() if record else ():
-                return store.blob(facts.sha256)
+                path = store.blob(facts.sha256)
+                return path if path.is_file() else None
         return None
 
     return last
