@@ -20,7 +20,7 @@ from gpusim.scene.analyses import kind_of
 from gpusim.scene.description import model as m
 from gpusim.scene.description.video import filming
 from gpusim.scene.frames import FrameTable
-from gpusim.scene.known_tables import KnownTables
+from gpusim.scene.shared_tables import SharedTables
 
 PUBLIC = (
     "mesh", "model", "solve", "surface", "render", "truth", "measure", "stress", "export",
@@ -45,7 +45,7 @@ class SceneStages:
 
 
 def scene_stages(
-    scene: Scene, options: RunOptions, known: KnownTables | None = None
+    scene: Scene, options: RunOptions, known: SharedTables | None = None
 ) -> SceneStages:
     """All stages of a scene without variants, one of those whose tables are ``known``."""
     build = StageBuilder(scene, options, known)

@@ -25,8 +25,8 @@ from gpusim.scene.description.model import (
     SensorTable,
     TransientTable,
 )
-from gpusim.scene.known_tables import Digests, KnownTables
 from gpusim.scene.scene import SECTIONS, Scene
+from gpusim.scene.shared_tables import Digests, SharedTables
 
 _OF_BODY = {
     "mesh": ("mesh",),
@@ -52,7 +52,7 @@ class Part:
 class SceneParts:
     """Cuts parts out of a scene, one of those whose tables are ``known``."""
 
-    def __init__(self, scene: Scene, known: KnownTables | None = None) -> None:
+    def __init__(self, scene: Scene, known: SharedTables | None = None) -> None:
         self._scene = scene
         self._hashes = {
             json.dumps(path)[1:-1]: f"{sha256}{Path(path).suffix}{_mesher(path)}"

@@ -37,8 +37,8 @@ from .description import model
 from .description.measure_table import TABLES
 from .description.scene_table import SceneTable
 from .files import find_files
-from .known_tables import KnownTables
 from .measure_kinds import load_kinds
+from .shared_tables import SharedTables
 from .toml_text import document_fault, parse_toml, size_fault, toml_text
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ class Scene:
         folder: str | Path = ".",
         files: Iterable[tuple[str, str]] = (),
         resolved: bool = False,
-        known: KnownTables | None = None,
+        known: SharedTables | None = None,
     ) -> Scene:
         """Validate a plain document (nested dicts and lists, keys as in the file).
 

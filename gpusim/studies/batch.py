@@ -24,7 +24,7 @@ from gpusim.plan.decision import Decision
 from gpusim.plan.scene_stages import SceneStages, scene_stages
 from gpusim.plan.stages import RunOptions
 from gpusim.scene import Scene
-from gpusim.scene.known_tables import KnownTables
+from gpusim.scene.shared_tables import SharedTables
 from gpusim.studies.rows import RowLog
 from gpusim.studies.samples import Sample
 from gpusim.studies.study_tables import Study
@@ -125,7 +125,7 @@ class _Batch:
         self.begun: set[str] = set()
         self.looks = 0.0  # when it is time to look whether to stop
         self.statuses: dict[int, str] = {}
-        known = KnownTables()
+        known = SharedTables()
         for sample in samples:
             try:
                 scene = sample.scene(study, known)

@@ -11,7 +11,7 @@ from gpusim.graph.graph import Graph
 from gpusim.plan.scene_stages import scene_stages
 from gpusim.plan.stages import RunOptions
 from gpusim.scene import Scene
-from gpusim.scene.known_tables import KnownTables
+from gpusim.scene.shared_tables import SharedTables
 from tests.support.every_table import everything, write_inputs
 
 CHANGES: tuple[dict[str, Any], ...] = (
@@ -37,20 +37,20 @@ def base(tmp_path_factory: pytest.TempPathFactory) -> Scene:
     return Scene.from_document(everything(), folder=folder)
 
 
-def made(base: Scene, overrides: dict[str, Any], known: KnownTables | None) -> Scene:
+def made(base: Scene, overrides: dict[str, Any], known: SharedTables | None) -> Scene:
     return Scene.from_document(
         base.document, overrides=overrides, files=base.files, resolved=True, known=known
     )
 
 
-def keys(scene: Scene, known: KnownTables | None = None) -> dict[str, list[str]]:
+def keys(scene: Scene, known: SharedTables | None = None) -> dict[str, list[str]]:
     graph = Graph()
     graph.add(scene_stages(scene, RunOptions("numpy"), known).stages)
     return graph.records[""]
 
 
-def test_scenes_with_known_tables_have_the_keys_of_others(base: Scene) -> None:
-    known = KnownTables()
+def test_scenes_with_shared_tables_have_the_keys_of_others(base: Scene) -> None:
+    known = SharedTables()
     alone = [made(base, change, None) for change in CHANGES]
     shared = [made(base, change, known) for change in CHANGES]
     again = [made(base, change, known) for change in CHANGES]
@@ -62,7 +62,7 @@ def test_scenes_with_known_tables_have_the_keys_of_others(base: Scene) -> None:
 
 
 def test_what_says_the_same_is_one_object(base: Scene) -> None:
-    known = KnownTables()
+    known = SharedTables()
     first, seed, focal = (
         made(base, change, known)
         for change in ({}, {"sensor.seed": 4}, {"camera.left.focal_mm": 51.0})
@@ -87,7 +87,7 @@ def test_what_says_the_same_is_one_object(base: Scene) -> None:
     ],
 )
 def test_faults_are_those_of_the_scene_alone(base: Scene, wrong: dict[str, Any]) -> None:
-    known = KnownTables()
+    known = SharedTables()
     made(base, {"sensor.bits": 10}, known)
     with pytest.raises(SceneError) as alone:
         made(base, wrong, None)

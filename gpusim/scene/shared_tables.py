@@ -16,7 +16,7 @@ Digests = dict[tuple[Any, ...], tuple[list[Any], str, bool]]
 digest, and whether there is a file in it."""
 
 
-class KnownTables:
+class SharedTables:
     """Tables that were validated, by what the sections of their resolved documents say.
 
     ``digests``: of parts of these scenes, by the files that they read.
