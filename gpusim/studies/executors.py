@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
 from contextlib import suppress
 from pathlib import Path
+from threading import Lock
 from typing import Any, Protocol
 from weakref import WeakKeyDictionary
 
@@ -34,6 +35,7 @@ MOST_TOGETHER = 32
 _AHEAD = 2  # batches handed out for each worker
 _LOOK_S = 0.3
 _WORKER_BYTES = 400_000_000  # of a process that has imported everything
+_AT_WORK = Lock()  # a worker of Dask may have several threads
 Told = Callable[[Counter[str]], None]
 """Hears how many samples have come to which status."""
 
@@ -131,7 +133,8 @@ class LocalPool:
 def make_batch(study: Study, samples: Sequence[Sample], out: str) -> dict[int, str]:
     """Make some samples in this process, a worker of the study in ``out``; returns what became of
     them, by number."""
-    return shared_worker(Path(out), study.backend).work_off(study, samples)
+    with _AT_WORK:
+        return shared_worker(Path(out), study.backend).work_off(study, samples)
 
 
 class Client:

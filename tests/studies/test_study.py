@@ -197,6 +197,15 @@ def test_a_study_file_of_the_user_stays_as_it_is(tmp_path: Path) -> None:
     assert path.read_text() == other.read_text()
 
 
+def test_the_folder_of_a_study_of_another_scene_stays(tmp_path: Path) -> None:
+    text = STUDY.replace("29.0, 30.0", "29.0").replace("60.0, 70.0", "60.0")
+    gs.study(write_study(tmp_path / "one", text), tmp_path / "out")
+    before = (tmp_path / "out" / "samples.csv").read_bytes()
+    with pytest.raises(InputError, match=r"overwritten; got a study of .*one.bar\.toml; expected"):
+        gs.study(write_study(tmp_path / "two", text), tmp_path / "out")
+    assert (tmp_path / "out" / "samples.csv").read_bytes() == before
+
+
 def test_one_study_in_a_folder_at_a_time(tmp_path: Path) -> None:
     path = write_study(tmp_path)
     with claim(tmp_path / "out"), pytest.raises(InputError, match="is in use by process"):

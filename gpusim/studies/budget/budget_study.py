@@ -121,23 +121,23 @@ def uncertainty_budget(study: Study, table: SampleTable) -> UncertaintyBudget:
         SourceDraws(one.name, one.parameters, one.values, of(one.name), one.degrees_of_freedom)
         for one in draw(scene, sources_of(scene, tables), tables)
     ]
-    told = [*_known_by_files(scene), *remarks(scene)]
+    gone = list[str]()
     measured = np.ones(len(quantities), dtype=bool)
     for name in [*(one.name for one in known), JOINT]:
         lost = np.count_nonzero(np.isnan(of(name)), axis=0)
         measured &= lost <= tables.draws - _LEAST
         for count in sorted({*lost[lost > 0].tolist()}):
             what = "; ".join(quantities[q][0] for q in np.flatnonzero(lost == count))
-            told.append(f"{count} of {tables.draws} draws of {name} don't count, with no {what}.")
-    got = f"fewer than {_LEAST} draws of a source with any number"
-    require(bool(measured.any()), f"budget: scene {scene.name!r}", got, " ".join(told))
+            gone.append(f"{count} of {tables.draws} draws of {name} don't count, with no {what}.")
+    expected = f"at least {_LEAST} draws of each source with a number"
+    require(bool(measured.any()), f"budget: scene {scene.name!r}", " ".join(gone), expected)
     return UncertaintyBudget(
         tuple(one for one, kept in zip(quantities, measured, strict=True) if kept),
         of("")[0, measured],
         tuple(replace(one, errors=one.errors[:, measured]) for one in known),
         of(JOINT)[:, measured],
         coverage=tables.coverage,
-        remarks=tuple(told),
+        remarks=(*_known_by_files(scene), *remarks(scene), *gone),
     )
 
 

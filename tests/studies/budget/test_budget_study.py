@@ -20,10 +20,11 @@ from gpusim.pipeline.measurements.dic.rig import Rig, rig_of
 from gpusim.scene import Scene
 from gpusim.studies import Study
 from gpusim.studies.budget import SourceDraws, UncertaintyBudget
-from gpusim.studies.budget.budget_study import budget_samples
+from gpusim.studies.budget.budget_study import budget_samples, uncertainty_budget
 from gpusim.studies.budget_tables import BudgetTable
 from gpusim.studies.study import study
 from gpusim.studies.study_tables import StudyTable
+from gpusim.studies.table import SampleTable, column_name
 from tests.support.shifted_plate import shifted_plate
 
 SIZES = {"noise": np.full(8, 0.004), "lens": np.array([0.2, 0.3, 0.3] * 2),
@@ -130,6 +131,23 @@ def test_a_budget_as_a_study(tmp_path: Path) -> None:
     again = study(made, tmp_path / "out")
     np.testing.assert_array_equal(again["seconds"], table["seconds"])
     assert page.read_text() == before
+
+
+def test_draws_in_which_nothing_is_measured_are_told(tmp_path: Path) -> None:
+    """Half of them look past the plate; with 5 draws too few are left to speak of the spread."""
+    away = {"name": "away", "keys": ["camera.left.target_mm"],
+            "choices": [[-20.0, 0.0, 0.0], [400.0, 0.0, 0.0]]}  # fmt: skip
+    tables = BudgetTable.model_validate({"draws": 8, "sources": [], "source": [away]})
+    made = Study(StudyTable(scene="-", budget=tables), plate(), tmp_path, backend="numpy")
+    table = study(made, tmp_path / "out")
+    told = uncertainty_budget(made, table)
+    assert any(one.startswith("4 of 8 draws of away don't count, with no") for one in told.remarks)
+    few = table["sample"] < 1 + 4
+    lost = SampleTable(table.columns, table.parameters, table.quantities)
+    for quantity in table.quantities:
+        lost.columns[column_name(quantity, "error")] = np.where(few, table.of(quantity), np.nan)
+    with pytest.raises(InputError, match=r"got 6 of 8 draws of away .*; expected at least 3"):
+        uncertainty_budget(made, lost)
 
 
 def test_noise_is_in_what_draws_it_alone() -> None:
