@@ -69,7 +69,8 @@ def print_budget(title: str, budget: UncertaintyBudget) -> None:
         first = int(np.argmax(budget.uncertainties[:, q]))
         print(
             f"| {name}, {unit} | {budget.combined[q]:.4g} | {budget.joint_uncertainty[q]:.4g} "
-            f"| {budget.joint_uncertainty[q] / budget.combined[q]:.3f} | {budget.factor[q]:.3f} "
+            f"| {budget.joint_uncertainty[q] / budget.combined[q]:.3f} "
+            f"+- {budget.ratio_uncertainty[q]:.3f} | {budget.factor[q]:.3f} "
             f"| {budget.sources[first].name} | {100 * budget.shares[first, q]:.0f} % |"
         )
     for text in budget.remarks:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -93,8 +94,11 @@ def study(
             file = inside(study, COPY) if study.is_dir() else study
             loaded = load_study(file, backend, budget=budget and file == study)
         if plan:
-            made = study_plan(loaded, checked_samples(loaded))
-            finish(json.dumps(made.to_dict(), indent=2), as_json, quiet, partial(_print_plan, made))
+            samples = checked_samples(loaded)
+            made, refused = study_plan(loaded, samples), dict(Counter(s.refused for s in samples))
+            refused.pop("", None)
+            told = json.dumps(made.to_dict() | {"refused": refused}, indent=2)
+            finish(told, as_json, quiet, partial(_print_plan, made, refused))
             return
         if folder is None:
             raise InputError("study -o; got none; expected -o OUT, or the folder of a study")
@@ -162,15 +166,17 @@ def _print(content: dict[str, Any], folder: Path) -> None:
         out(f"\n{advice}")
     if (table := inside(folder, "samples.csv")).exists():
         out(f"\nTable: {table}")
-        out(f"Report: {inside(folder, 'report.html')}")
+        if (page := inside(folder, "report.html")).is_file():
+            out(f"Report: {page}")
         card = inside(folder, "dataset/README.md")
         if content["dataset"] and card.is_file():
             out(f"Data set: {card}")
 
 
-def _print_plan(plan: StudyPlan) -> None:
-    """What would be made."""
+def _print_plan(plan: StudyPlan, refused: Mapping[str, int]) -> None:
+    """What would be made, and how many samples aren't, by what they don't fulfil."""
     rows = [("samples", f"{plan.samples:,}")]
+    rows += [(f"refused: {why}", f"{count:,}") for why, count in refused.items()]
     rows += [(name, f"{count:,}") for name, count in plan.distinct.items()]
     rows += [("time of one worker, about", time_text(plan.seconds)),
              ("disk, about", size_text(plan.bytes)),

@@ -12,7 +12,6 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError, Executor, ThreadPoolExecutor
-from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -117,8 +116,6 @@ class Inputs:
         """Delete what was written and isn't kept."""
         if self._scratch is not None:
             shutil.rmtree(self._scratch, ignore_errors=True)
-            with suppress(OSError):
-                self._scratch.parent.rmdir()
 
     def _record(self, stage: str, name: str) -> Record:
         held = (stage, name) in self._holding or stage not in self._records

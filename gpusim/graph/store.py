@@ -45,6 +45,10 @@ _FLUSHERS = 16
 """Threads that wait for the disk at the end: file systems write together what waits together."""
 
 
+class ResultChanged(InputError):
+    """A result isn't what it was any more, and can be made again."""
+
+
 @dataclass(frozen=True)
 class FileFacts:
     """A file's content, its size, and when its blob was last changed."""
@@ -192,8 +196,8 @@ class Store:
                 os.replace(output, part)
             else:
                 output(part)
-            sha256 = _hash(part)
-            facts = FileFacts(sha256, part.stat().st_size, part.stat().st_mtime_ns)
+            sha256, written = _hash(part), part.stat()
+            facts = FileFacts(sha256, written.st_size, written.st_mtime_ns)
             path = inside(folder, sha256[:2], sha256)
             with suppress(FileNotFoundError):
                 known = FileFacts(sha256, facts.size, path.stat().st_mtime_ns)
@@ -214,14 +218,14 @@ class Store:
         return path
 
     def read(self, record: Record, name: str) -> InputFile:
-        """A file of a result. Raises InputError if it isn't what it was: the record is forgotten
+        """A file of a result. Raises ResultChanged if it isn't what it was: the record is forgotten
         then."""
         facts = record.files[name]
         try:
             return read_input(self.blob(facts.sha256), f"the result {name}", facts.sha256)
         except InputError as error:
             self._records.pop(record.key, None)
-            raise InputError(f"{name}: {error}; run again to make it anew") from None
+            raise ResultChanged(f"{name}: {error}; run again to make it anew") from None
 
     def open(self, record: Record, name: str) -> BinaryIO:
         """As `read`, a stream of a file that may be too large to be read whole."""
@@ -229,7 +233,7 @@ class Store:
         path = self.blob(facts.sha256)
         if not is_unchanged(path, facts, hashed=True):
             self._records.pop(record.key, None)
-            raise InputError(f"{name}: {path} was changed; run again to make it anew")
+            raise ResultChanged(f"{name}: {path} was changed; run again to make it anew")
         return open_input(path)
 
     def claim(self, key: str) -> bool:
@@ -266,10 +270,12 @@ class Store:
             if _has_ended(path.name.split("-")[1]):
                 path.unlink(missing_ok=True)
         clean_leftovers(inside(self.root, "log"))
-        with suppress(OSError), os.scandir(inside(self.root, "scratch")) as entries:
-            for entry in entries:
-                if _has_ended(entry.name.split("-")[0]):
-                    shutil.rmtree(entry.path, ignore_errors=True)
+        scratch = inside(self.root, "scratch")
+        with suppress(OSError):  # there is none, or something is left in it
+            for path in scratch.iterdir():
+                if _has_ended(path.name.split("-")[0]):
+                    shutil.rmtree(path, ignore_errors=True)
+            scratch.rmdir()
 
     def close(self) -> None:
         """Flush what was added, and put the logs of writers that have ended together in one."""
@@ -277,6 +283,8 @@ class Store:
             os.close(self._claims)
             self._claims = -1
         self._log.close()
+        with suppress(OSError):  # somebody else is at work
+            (self.root / "scratch").rmdir()
         ended = [
             path for path in _plain_files(inside(self.root, "log"))
             if path == self._log.path or _has_ended(path.name.split("-")[0])
@@ -303,6 +311,16 @@ class Store:
         except OSError:  # full, or read alone: they stay as they are, and are doubted
             with suppress(OSError):
                 whole.path.unlink(missing_ok=True)
+
+    def drop(self, keys: Iterable[str]) -> None:
+        """Delete the files of results that nobody needs any more, though others are at work; who
+        needs one all the same sees that it is gone."""
+        self.refresh()
+        dropped = [self._records.pop(key) for key in keys if key in self._records]
+        needed = {facts.sha256 for one in self._records.values() for facts in one.files.values()}
+        for facts in (facts for one in dropped for facts in one.files.values()):
+            if facts.sha256 not in needed:
+                inside(self.root, "blobs", facts.sha256[:2], facts.sha256).unlink(missing_ok=True)
 
     def collect(self, keys: Iterable[str]) -> None:
         """Forget all results but those of ``keys``, and delete the files that nobody needs, those

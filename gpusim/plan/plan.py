@@ -131,8 +131,7 @@ class _ScenePlan:
         what, seconds = self._words(self.frames[frame].shown, frame), stage.seconds
         if radiance in self.seen and self.decision.options.skip:
             what += " as before: exposed again"
-            columns, rows = camera.resolution
-            seconds = 0.05 + 5e-8 * columns * rows
+            seconds = cost_of.exposing_seconds(camera)
         self.seen.add(radiance)
         stage = replace(stage, camera=name, frame=frame)
         what = f"{cost_of.effects(self.scene, camera)}, {what}"

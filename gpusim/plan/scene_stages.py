@@ -20,6 +20,7 @@ from gpusim.scene.analyses import kind_of
 from gpusim.scene.description import model as m
 from gpusim.scene.description.video import filming
 from gpusim.scene.frames import FrameTable
+from gpusim.scene.shared_tables import SharedTables
 
 PUBLIC = (
     "mesh", "model", "solve", "surface", "render", "truth", "measure", "stress", "export",
@@ -43,9 +44,11 @@ class SceneStages:
     frames: FrameTable
 
 
-def scene_stages(scene: Scene, options: RunOptions) -> SceneStages:
-    """All stages of a scene without variants."""
-    build = StageBuilder(scene, options)
+def scene_stages(
+    scene: Scene, options: RunOptions, known: SharedTables | None = None
+) -> SceneStages:
+    """All stages of a scene without variants, one of those whose tables are ``known``."""
+    build = StageBuilder(scene, options, known)
     moving = list(kind_of(scene).make_stages(build))
     motions: Needs = {one.name: first for one in moving if one.name.startswith("motion/")}
     stages = list(moving)

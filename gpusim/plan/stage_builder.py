@@ -10,18 +10,22 @@ from gpusim.plan.stages import RunOptions
 from gpusim.scene import Scene
 from gpusim.scene.frames import frame_table
 from gpusim.scene.part import SceneParts
+from gpusim.scene.shared_tables import SharedTables
 
 Needs = dict[str, Which | None]
 
 
 class StageBuilder:
-    """Makes stages of a ``scene``. ``bodies``: their names; ``frames``: the table of frames."""
+    """Makes stages of a ``scene``, one of those whose tables are ``known``. ``bodies``: their
+    names; ``frames``: the table of frames."""
 
-    def __init__(self, scene: Scene, options: RunOptions) -> None:
+    def __init__(
+        self, scene: Scene, options: RunOptions, known: SharedTables | None = None
+    ) -> None:
         self.scene, self.options = scene, options
         self.frames = frame_table(scene, options.skip)
         self.bodies = tuple(body.name for body in scene.bodies)
-        self._parts = SceneParts(scene)
+        self._parts = SceneParts(scene, known)
 
     def stage(
         self,

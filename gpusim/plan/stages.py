@@ -143,6 +143,7 @@ def timed(
     """The stages with the seconds that they take at a machine's speed."""
     share = {kind: speed.seconds(work) / work.seconds for kind, work in works.items()}
     return [
-        replace(stage, seconds=stage.seconds * share[stage.kind]) if stage.runs else stage
+        replace(stage, seconds=stage.seconds * share[stage.kind],
+                compiling=stage.compiling * share[stage.kind]) if stage.runs else stage
         for stage in stages
-    ]
+    ]  # fmt: skip

@@ -12,6 +12,8 @@ In the order in which data passes:
   content.
 - `measure_kinds`: Kinds of measurement that are added to gpusim's own.
 - `camera_tables`: The ``[[camera]]`` tables of a scene, and the cameras that they describe.
+- `shared_tables`: Tables of scenes that differ in little: what says the same is validated and
+  hashed once.
 - `scene`: ``Scene``: everything a run needs, validated, in SI, and able to say what it was read
   from; and how its file is read.
 - `colored`: Whether a scene's pictures are in colour, before anything of it is built.

@@ -85,6 +85,11 @@ def compiling_seconds(scene: Scene, kept: bool) -> float:
     return 0.25 * first if kept else first
 
 
+def exposing_seconds(camera: CameraTable) -> float:
+    """Seconds of a picture whose radiance is there."""
+    return 0.05 + 5e-8 * prod(camera.resolution)
+
+
 def _per_image(scene: Scene) -> tuple[float, float]:
     """Seconds of one rendering: for any, and per pixel."""
     if any(getattr(light, "occlusion", False) for light in scene.lights):

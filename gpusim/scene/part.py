@@ -26,6 +26,7 @@ from gpusim.scene.description.model import (
     TransientTable,
 )
 from gpusim.scene.scene import SECTIONS, Scene
+from gpusim.scene.shared_tables import Digests, SharedTables
 
 _OF_BODY = {
     "mesh": ("mesh",),
@@ -49,11 +50,10 @@ class Part:
 
 
 class SceneParts:
-    """Cuts parts out of a scene."""
+    """Cuts parts out of a scene, one of those whose tables are ``known``."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, known: SharedTables | None = None) -> None:
         self._scene = scene
-        self._texts: dict[tuple[str, str], str] = {}
         self._hashes = {
             json.dumps(path)[1:-1]: f"{sha256}{Path(path).suffix}{_mesher(path)}"
             for path, sha256 in scene.files
@@ -63,6 +63,8 @@ class SceneParts:
             f"{Path(path).name}: {one};" for path, one in self._hashes.items()
             if path not in scene.content
         )  # fmt: skip
+        digests = {} if known is None else known.digests
+        self._digests: Digests = digests.setdefault((scene.files, self._included), {})
 
     def of(self, *sections: str) -> Part:
         """The part with these sections: "light", "camera.front", "body.bar.mesh", "body.*.paint".
@@ -73,8 +75,8 @@ class SceneParts:
         """
         electric = next((one for one in sections if one.startswith("sensor")), "")
         values = {section: self._value(section, electric) for section in sections}
-        texts = {section: self._text(section, electric, values[section]) for section in sections}
-        is_read = any(path in text for text in texts.values() for path in self._hashes)
+        digests = {one: self._digest(one, electric, value) for one, value in values.items()}
+        is_read = any(reads for _, reads in digests.values())
         part = object.__new__(Scene)
         known: dict[str, Any] = {"source": self._scene.source}
         known["files"] = self._scene.files if is_read else ()
@@ -83,23 +85,33 @@ class SceneParts:
             _enter(known, SECTIONS[head], value)
         for name, value in known.items():
             object.__setattr__(part, name, value)
-        return Part(part, {section: self._digest(text) for section, text in texts.items()})
+        return Part(part, {section: digest for section, (digest, _) in digests.items()})
 
-    def _text(self, section: str, electric: str, value: Any) -> str:
-        """A section as text, for its digest; made once."""
-        key = section, electric if section.startswith("camera") else ""
-        if key not in self._texts:
-            self._texts[key] = _encoded(value)
-        return self._texts[key]
+    def _digest(self, section: str, electric: str, value: Any) -> tuple[str, bool]:
+        """Of a section's text, in which a file is what it holds, wherever it lies, and whether
+        there is one; made once for the same tables."""
+        tables = self._tables(section)
+        key = section, electric if section.startswith("camera") else "", *map(id, tables)
+        if key not in self._digests:
+            text = _encoded(value)
+            named = [path for path in self._hashes if path in text]
+            for path in sorted(named, key=len, reverse=True):
+                text = text.replace(path, self._hashes[path])
+            if named:  # it may name others
+                text += self._included
+            digest = hashlib.sha256(text.encode()).hexdigest()[:16]
+            self._digests[key] = tables, digest, bool(named)
+        _, digest, reads = self._digests[key]
+        return digest, reads
 
-    def _digest(self, text: str) -> str:
-        """Of a section's text, in which a file is what it holds, wherever it lies."""
-        named = [path for path in self._hashes if path in text]
-        for path in sorted(named, key=len, reverse=True):
-            text = text.replace(path, self._hashes[path])
-        if named:  # it may name others
-            text += self._included
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
+    def _tables(self, section: str) -> list[Any]:
+        """What a section is cut from."""
+        head, *rest = section.split(".")
+        whole = getattr(self._scene, SECTIONS[head])
+        if head != "body":
+            return [*whole] if isinstance(whole, tuple) else [whole]
+        names = ("name", *_OF_BODY[rest[1]]) if rest[1:] else [one.name for one in fields(Body)]
+        return [getattr(body, name) for body in _named(whole, rest[:1]) for name in names]
 
     def _value(self, section: str, electric: str) -> Any:
         head, *rest = section.split(".")

@@ -38,6 +38,7 @@ from .description.measure_table import TABLES
 from .description.scene_table import SceneTable
 from .files import find_files
 from .measure_kinds import load_kinds
+from .shared_tables import SharedTables
 from .toml_text import document_fault, parse_toml, size_fault, toml_text
 
 if TYPE_CHECKING:
@@ -108,13 +109,15 @@ class Scene:
         folder: str | Path = ".",
         files: Iterable[tuple[str, str]] = (),
         resolved: bool = False,
+        known: SharedTables | None = None,
     ) -> Scene:
         """Validate a plain document (nested dicts and lists, keys as in the file).
 
         ``origins`` tells the line of each key for messages. ``overrides`` (dotted path -> value)
         come first; mesh files are looked for in ``folder``. ``files``: what is known of them; one
         that was changed since is a fault. ``resolved``: it is a scene's `document`, and those are
-        its files. Raises SceneError with every fault of document and overrides.
+        its files; ``known``: tables of others that were made of it. Raises SceneError with every
+        fault of document and overrides.
         """
         origins = origins or {}
         for given in (*([] if resolved else [document]), overrides or {}):
@@ -134,7 +137,7 @@ class Scene:
         load_kinds(plain)
         table, more = None, 0
         try:
-            table = SceneTable.model_validate(plain)
+            table = known.validated(plain) if known else SceneTable.model_validate(plain)
         except ValidationError as error:
             found, more = faults_of(error, origins)
             faults += found
@@ -144,10 +147,8 @@ class Scene:
             faults += variant_faults(plain, folder, hashes)
         if faults or table is None:
             more += max(len(faults) - MOST, 0)
-            faults = [
-                replace(one, place=one.place or with_names(plain, one.key)) for one in faults[:MOST]
-            ]
-            raise SceneError(source, faults, more)
+            named = ((one.place or with_names(plain, one.key), one) for one in faults[:MOST])
+            raise SceneError(source, [replace(one, place=place) for place, one in named], more)
         return cls._of_table(table, source, hashes)
 
     @classmethod
@@ -350,14 +351,10 @@ def load_scene(
     if isinstance(document, Fault):
         raise SceneError(source, [document])
     if isinstance(document.get("scene"), str) and "schema" not in document:
-        expected = f"a scene, such as its {document['scene']}; or gpusim study {place}"
-        raise SceneError(source, [Fault("scene", "this is a study", expected=expected)])
+        expected = "a scene, or gpusim study in place of this"
+        raise SceneError(source, [Fault("scene", "is that of a study", expected=expected)])
     return Scene.from_document(
-        document,
-        source=source,
-        origins=key_lines(text),
-        overrides=overrides,
-        folder=place.parent,
+        document, source=source, origins=key_lines(text), overrides=overrides, folder=place.parent
     )
 
 

@@ -10,6 +10,7 @@ In the order in which data passes:
 - `samples`: What each sample changes in the base scene, and the key of its row.
 - `rows`: What became of each sample, appended to logs.
 - `batch`: Samples made together, in one graph of work.
+- `passing`: Results of samples that don't stay: ``keep = "numbers"``.
 - `plan`: What a study would make, before any work.
 - `cluster`: Workers of a Dask scheduler.
 - `executors`: Where samples are made: here, in other processes, or on a cluster.

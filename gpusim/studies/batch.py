@@ -17,13 +17,14 @@ from gpusim.graph.folder import INNER
 from gpusim.graph.graph import Graph, Task
 from gpusim.graph.runner import Runner, StageFailed
 from gpusim.graph.session import Session
-from gpusim.graph.store import Store
+from gpusim.graph.store import ResultChanged, Store
 from gpusim.pipeline.measurements.results import Result
 from gpusim.pipeline.runner.scene_report import failure_text, read_results
 from gpusim.plan.decision import Decision
 from gpusim.plan.scene_stages import SceneStages, scene_stages
 from gpusim.plan.stages import RunOptions
 from gpusim.scene import Scene
+from gpusim.scene.shared_tables import SharedTables
 from gpusim.studies.rows import RowLog
 from gpusim.studies.samples import Sample
 from gpusim.studies.study_tables import Study
@@ -124,13 +125,14 @@ class _Batch:
         self.begun: set[str] = set()
         self.looks = 0.0  # when it is time to look whether to stop
         self.statuses: dict[int, str] = {}
+        known = SharedTables()
         for sample in samples:
             try:
-                scene = sample.scene(study)
+                scene = sample.scene(study, known)
             except GpusimError as error:
                 self._add(sample, "refused", str(error))
                 continue
-            stages = scene_stages(scene, worker.session.options)
+            stages = scene_stages(scene, worker.session.options, known)
             self.left[str(sample.number)] = sample, scene, stages
 
     def work_off(self) -> None:
@@ -180,10 +182,9 @@ class _Batch:
         the first."""
         sample, scene, _ = self.left[place]
         results = [self._result(decision, place, one.name) for one in scene.measures]
-        told = [result.report(scene, self.worker.out) for result in results]
         measurements = [
             [item.name, item.unit, item.measured, item.truth, item.error]
-            for one in told for item in one.measurements
+            for result in results for item in result.measurements(scene)
         ]  # fmt: skip
         keys = {key for own in decision.graph.records[place].values() for key in own}
         made = Counter(self.made.pop(key) for key in keys & self.made.keys())
@@ -203,6 +204,7 @@ class _Batch:
             raise cause
         self.tries[task.key] += 1
         refused = isinstance(cause, InputError | SceneError)
+        refused = refused and not isinstance(cause, ResultChanged)
         if not refused and not isinstance(cause, NotConverged) and self.tries[task.key] < TRIES:
             return
         for place in {place for place, _ in task.places} & self.left.keys():

@@ -5,14 +5,16 @@ They see the study's folder under the same path; a batch and what becomes of it 
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from concurrent.futures import Future
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from distributed import Client
 
-from gpusim.errors import InputError
+from gpusim.errors import InputError, require
 
 _PATIENCE_S = 30
 """How long to wait for a scheduler, and for a worker of it."""
@@ -27,6 +29,8 @@ class ClusterPool:
 
     def __init__(self, address: str) -> None:
         self._address = address
+        # a scheduler that dies, and is met again, is worth no traceback
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
         self._client = self._connected()
 
     @property
@@ -63,13 +67,16 @@ class ClusterPool:
         name = Path(self._address)
         where = {"scheduler_file": str(name)} if name.is_file() else {"address": self._address}
         expected = "a Dask scheduler with workers: dask scheduler, then dask worker ADDRESS"
+        what, is_any = f"--scheduler {self._address}", name.is_file() or ":" in self._address
+        require(is_any, what, "neither an address nor a file that is there", expected)
         client = None
         try:
             client = Client(**where, timeout=_PATIENCE_S, set_as_default=False)
             client.wait_for_workers(1, timeout=_PATIENCE_S)
         except (OSError, ValueError, TimeoutError) as error:
             if client is not None:
-                client.close()
+                with suppress(OSError, ValueError):  # it waits for an answer, too
+                    client.close(timeout=1)
             got = str(error).splitlines()[0] if str(error) else type(error).__name__
-            raise InputError(f"--scheduler {self._address}: {got}; expected {expected}") from None
+            raise InputError(f"{what}: {got}; expected {expected}") from None
         return client

@@ -74,7 +74,7 @@ def levels_of(table: SampleTable, parameter: str) -> Levels:
         labels, of = np.unique(texts, return_inverse=True)
         return Levels(parameter, tuple(labels), np.arange(len(labels), dtype=float), of, False)
     places, of = np.unique(values.astype(float), return_inverse=True)
-    digits = 6
+    digits = 4
     if len(places) > MOST_LEVELS:
         digits = 3
         edges = np.quantile(values, np.linspace(0.0, 1.0, MOST_LEVELS + 1)[1:-1])

@@ -23,9 +23,10 @@ from gpusim.gpu.adapter import software_adapter
 from gpusim.parallel.machine import all_processors, host_memory
 from gpusim.parallel.processes import start_pool
 from gpusim.studies.batch import STOP, TRIES, Worker, close_workers, shared_worker
+from gpusim.studies.passing import Passing
 from gpusim.studies.plan import StudyPlan
 from gpusim.studies.rows import RowLog, RowReader
-from gpusim.studies.samples import Sample
+from gpusim.studies.samples import Sample, samples_of
 from gpusim.studies.study_tables import Study
 
 MOST_TOGETHER = 32
@@ -155,6 +156,8 @@ class Client:
         self._deaths = 0  # since a sample was finished
         self._keys = {sample.number: sample.key for sample in samples}
         self._log, self._reader = RowLog(out), RowReader(out)
+        keeps = study.tables.keep == "results"
+        self._passing = None if keeps else Passing(study, samples_of(study), out)
         for _ in self._reader.new():  # of earlier calls
             pass
 
@@ -181,6 +184,7 @@ class Client:
             raise
         finally:
             self._log.close()
+        self.look()
         self.pool.close(kill=False)
 
     def look(self) -> None:
@@ -190,6 +194,8 @@ class Client:
                 self._begun.add(line["begun"])
             elif "key" in line and line["key"] == self._keys.get(line["number"]):
                 self._count(line["number"], line["status"])
+        if self._passing is not None:
+            self._passing.drop(self.left.keys())
         self.told(self.counts)
 
     def _count(self, number: int, status: str) -> None:

@@ -25,6 +25,7 @@ from gpusim.plan.plan import plan_of
 from gpusim.plan.scene_stages import scene_stages
 from gpusim.plan.stages import Plan, RunOptions
 from gpusim.scene import Scene
+from gpusim.scene import cost as cost_of
 from gpusim.scene.faults.key_paths import put
 from gpusim.studies.batch import targets
 from gpusim.studies.samples import Sample
@@ -34,7 +35,7 @@ _MOST_VALUES = 8
 """Of a list that are each tried; of longer ones the smallest and the largest."""
 _STRUCTURE = "mesh", "model", "solve"
 _COUNTED = {"mesh": "mesh", "solve": "solve", "picture": "render", "calib-picture": "render",
-            "measure": "measure"}  # fmt: skip
+            "radiance": "radiance", "target": "radiance", "measure": "measure"}  # fmt: skip
 _WORDS = {"mesh": "meshes", "solve": "solutions", "render": "pictures", "measure": "measurements"}
 _NOWHERE = "unknown key", "no such item", "has no keys inside", "not a key path"
 _PER_PIXEL = 2  # bytes that pictures and what is measured in them take, about
@@ -107,8 +108,12 @@ class _Planning:
             made[kind] += counts[keys]
         seconds: dict[str, float] = defaultdict(float)
         for stage in plan.stages:
-            seconds[stage.kind if stage.kind != "target" else "render"] += stage.seconds
-        spent = sum(seconds[kind] / share[kind] * made[kind] for kind in share)
+            kind = "radiance" if stage.kind in ("render", "target") else stage.kind
+            seconds[kind] += stage.seconds - stage.compiling
+        again = max(map(cost_of.exposing_seconds, self._first.cameras), default=0.0)
+        spent = again * (made["render"] - made["radiance"])
+        spent += sum(stage.compiling for stage in plan.stages)  # once
+        spent += sum(seconds[kind] / share[kind] * made[kind] for kind in share)
         structure = {
             key for key in self._codes for task in graph.tasks.values()
             if task.stage.public(task.record).split("/")[0] in _STRUCTURE
@@ -116,12 +121,13 @@ class _Planning:
         }  # fmt: skip
         pixels = sum(columns * rows for columns, rows in
                      (one.resolution for one in self._first.cameras))  # fmt: skip
+        stays = self.study.tables.keep == "results"
         per_camera = made["render"] / max(len(self._first.cameras), 1)
         return StudyPlan(
             len(self.samples),
             {word: made[kind] for kind, word in _WORDS.items()},
             self._projected(structure), spent,
-            int(_PER_PIXEL * per_camera * pixels), plan.memory_bytes,
+            int(_PER_PIXEL * per_camera * pixels) * stays, plan.memory_bytes,
         )  # fmt: skip
 
     @cached_property

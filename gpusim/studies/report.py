@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import combinations, groupby
+from itertools import combinations, groupby, zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -111,11 +111,14 @@ def write_study_report(study: Study, table: SampleTable, out: PathLike, pictures
 def main_quantities(quantities: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
     """Of each measure its RMS errors, or its first number if there are none, as many as a page can
     show."""
-    found: list[tuple[str, str]] = []
+    found: list[list[tuple[str, str]]] = []
     for _, own in groupby(quantities, lambda one: one[0].split(": ")[0]):
         some = [*own]
-        found += [one for one in some if "RMS" in one[0] and "beyond" not in one[0]] or some[:1]
-    return found[:_MOST_QUANTITIES]
+        found.append(
+            [one for one in some if "RMS" in one[0] and "beyond" not in one[0]] or some[:1]
+        )
+    in_turn = [one for row in zip_longest(*found) for one in row if one is not None]
+    return in_turn[:_MOST_QUANTITIES]
 
 
 def _finding(

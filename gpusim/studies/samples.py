@@ -16,6 +16,7 @@ from gpusim.graph.stage import digest
 from gpusim.scene import Scene
 from gpusim.scene.faults.key_paths import pick
 from gpusim.scene.files import find_files
+from gpusim.scene.shared_tables import SharedTables
 from gpusim.studies.design import points
 from gpusim.studies.expressions import Values, evaluated
 from gpusim.studies.study_tables import Study
@@ -42,13 +43,14 @@ class Sample:
     key: str = field(repr=False)
     refused: str = ""
 
-    def scene(self, study: Study) -> Scene:
-        """The scene in this state. Raises SceneError for one that isn't right."""
+    def scene(self, study: Study, known: SharedTables | None = None) -> Scene:
+        """The scene in this state, with the tables of others of the study that are ``known``.
+        Raises SceneError for one that isn't right."""
         base = study.scene
         return Scene.from_document(
             base.document, source=f"{base.source}, sample {self.number}",
             overrides=self.overrides, folder=Path(base.source).parent, files=base.files,
-            resolved=all(map(_is_numeric, self.overrides.values())),
+            resolved=all(map(_is_numeric, self.overrides.values())), known=known,
         )  # fmt: skip
 
 

@@ -12,10 +12,12 @@ from pathlib import Path
 
 from gpusim.errors import require
 from gpusim.files.atomic_files import write_text
+from gpusim.files.input_file import read_input
 from gpusim.files.output_folder import check_below, claim, inside
 from gpusim.graph.folder import INNER
 from gpusim.graph.store import Store
 from gpusim.pipeline.runner.stage_log import Progress, silent
+from gpusim.scene.toml_text import parse_toml
 from gpusim.studies.batch import Worker, bare, result_keys
 from gpusim.studies.executors import Client, Here, LocalPool, Pool, local_workers
 from gpusim.studies.plan import StudyPlan, check_samples, study_plan
@@ -79,6 +81,8 @@ def study(
         if is_budget:
             loaded = import_module(_BUDGET).with_rig(loaded, folder)
         work_off(loaded, samples, folder, workers, scheduler, progress or silent)
+        store = Store(inside(folder, INNER))
+        store.clean()
         rows = read_rows(folder, samples)
         table = SampleTable.from_rows(loaded, samples, rows)
         table.write(folder)
@@ -86,7 +90,7 @@ def study(
         if is_budget:
             import_module(_BUDGET).report_budget(loaded, table, folder)
         else:
-            write_study_report(loaded, table, folder, _pictures(loaded, samples, folder))
+            write_study_report(loaded, table, folder, _pictures(loaded, samples, store))
         (progress or silent)("report", 1.0, "report.html, report.json")
         if loaded.tables.dataset is not None:
             import_module("gpusim.studies.dataset").write_dataset(
@@ -95,16 +99,16 @@ def study(
     return table
 
 
-def _pictures(study: Study, samples: Sequence[Sample], out: Path) -> Pictures:
+def _pictures(study: Study, samples: Sequence[Sample], store: Store) -> Pictures:
     """What finds the last picture of a sample's first camera."""
-    store = Store(inside(out, INNER))
 
     def last(number: int) -> Path | None:
         scene, keys = result_keys(study, samples[number])
         for camera in scene.cameras:
             record = store.find(keys[f"picture/{camera.name}"][-1])
             for facts in record.files.values() if record else ():
-                return store.blob(facts.sha256)
+                path = store.blob(facts.sha256)
+                return path if path.is_file() else None
         return None
 
     return last
@@ -124,8 +128,8 @@ def work_off(
     """Make what ``out`` doesn't have of the samples."""
     copy = inside(out, COPY)
     is_own = copy.exists() and Path(study.source).exists() and copy.samefile(study.source)
-    what, expected = f"study: {copy} would be overwritten", "another output folder"
-    require(is_own or not copy.exists() or inside(out, INNER).exists(), what, out, expected)
+    if copy.exists() and not is_own:
+        _check_copy(study, copy)
     rows = read_rows(out, samples)
     final = {number: row["status"] for number, row in rows.items() if row["status"] in FINAL}
     new = [sample for sample in samples if sample.number not in final]
@@ -148,6 +152,17 @@ def work_off(
     if isinstance(pool, Here):
         pool.worker.log.told = client.look
     client.work_off()
+
+
+def _check_copy(study: Study, copy: Path) -> None:
+    """Raise InputError for a copy in the folder that isn't one of the same scene's, which it would
+    overwrite."""
+    found = parse_toml(read_input(copy, "a study file").text("TOML in UTF-8"))
+    known = found if isinstance(found, dict) and inside(copy.parent, INNER).exists() else {}
+    scene, is_budget = known.get("scene"), study.tables.budget is not None
+    got = f"a {'budget' if 'budget' in known else 'study'} of {scene}" if scene else "another file"
+    fits = scene == str(Path(study.scene.source).absolute()) and ("budget" in known) == is_budget
+    require(fits, f"study: {copy} would be overwritten", got, "another output folder")
 
 
 def _pool(study: Study, out: Path, workers: int, scheduler: str | None, plan: StudyPlan) -> Pool:

@@ -154,6 +154,9 @@ class StudyTable(Table):
     """What makes them: a device where there is one, a device, or NumPy."""
     sensitivity: bool = False
     """Choose the points that Sobol indices are computed of."""
+    keep: Literal["results", "numbers"] = "results"
+    """What stays in the store: all that was made, or meshes and solutions alone. Pictures and
+    fields then go as soon as the rows are there, and are made again for `--sample`."""
     rows: Key | None = None
     """A CSV file of points, whose columns are keys of the scene; relative to the study."""
     parameter: Annotated[tuple[ParameterTable, ...], Listed()] = ()
@@ -178,6 +181,8 @@ class StudyTable(Table):
         if self.budget is not None and (varied or self.repeats > 1):
             expected = "a study without parameters, rows and repeats"
             raise fault("budget", "draws by itself", "both", expected)
+        if self.keep == "numbers" and self.dataset is not None:
+            raise fault("keep", "leaves no pictures for [dataset]", self.keep, '"results"')
         if bool(self.drawn) != (self.samples is not None):
             expected = (
                 "a number of points" if self.drawn else "none where nothing has a distribution"

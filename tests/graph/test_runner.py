@@ -157,6 +157,7 @@ def test_what_is_finished_before_a_failure_is_kept(
     name, cause = fails(run)
     assert name == "bad" and error in str(cause)
     assert run.whole == [] and run.runner.session.values == {}
+    run.store.close()
     told = [told for told in run.store.root.rglob("*") if told.name.startswith(".new")]
     assert not told and not (run.store.root / "scratch").exists()
     for key in [*run.graph.records[""]["before"]]:

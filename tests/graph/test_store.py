@@ -268,6 +268,15 @@ def test_collected_are_results_and_files_that_nobody_needs(tmp_path: Path) -> No
     assert again.find(KEY) == kept and again.find(OTHER) is None
 
 
+def test_dropped_are_files_that_nobody_else_needs(tmp_path: Path) -> None:
+    store, beside = Store(tmp_path), Store(tmp_path)
+    one, two, three = put(beside), put(beside, OTHER, name="b.txt"), put(beside, THIRD, "more")
+    store.drop([KEY, THIRD, digest("none")])
+    assert blob(store, one).exists() and not blob(store, three).exists()
+    assert beside.fault(OTHER, "stage") is None and store.find(OTHER) == two
+    assert beside.fault(THIRD, "stage") == "a/0.txt is gone"
+
+
 def test_what_killed_writers_left_goes_and_that_of_living_ones_stays(tmp_path: Path) -> None:
     store = Store(tmp_path)
     put(store)
@@ -283,6 +292,9 @@ def test_what_killed_writers_left_goes_and_that_of_living_ones_stays(tmp_path: P
     assert not any(path.exists() for path in left) and not left[-1].parents[1].exists()
     assert all(path.exists() for path in stays)
     assert store.fault(KEY, "stage") is None
+    (mine / "x").unlink(), mine.rmdir()
+    stays[2].unlink(), store.clean()
+    assert not (tmp_path / "scratch").exists()
 
 
 @pytest.mark.parametrize("name", ["log", "blobs", "blobs/3a", "scratch", "claims"])

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import gpusim
+from tests.support.source_outline import outline
 
 PACKAGE = Path(gpusim.__file__).parent
 
@@ -96,29 +97,10 @@ def part_of(path: Path) -> str:
     return path.relative_to(PACKAGE).with_suffix("").parts[0]
 
 
-@cache
-def imports(path: Path) -> list[tuple[ast.Import | ast.ImportFrom, bool]]:
-    """Those of a file, at any depth, and which of them stand below ``if TYPE_CHECKING``."""
-    found: list[tuple[ast.Import | ast.ImportFrom, bool]] = []
-
-    def look(within: ast.AST, for_types: bool) -> None:
-        for node in ast.iter_child_nodes(within):
-            if isinstance(node, ast.Import | ast.ImportFrom):
-                found.append((node, for_types))
-            elif isinstance(node, ast.stmt | ast.excepthandler | ast.match_case):
-                typed = isinstance(node, ast.If) and ast.unparse(node.test).endswith(
-                    "TYPE_CHECKING"
-                )
-                look(node, for_types or typed)
-
-    look(ast.parse(path.read_text(encoding="utf-8")), False)
-    return found
-
-
 def imported_modules(path: Path) -> Iterator[tuple[int, str]]:
     """Line and absolute dotted name of every gpusim import, at any depth of the code."""
     package = ("gpusim", *path.relative_to(PACKAGE).parent.parts)
-    for node, _ in imports(path):
+    for node in outline(path.read_text(encoding="utf-8")).imports:
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         else:
@@ -192,9 +174,8 @@ def import_graph(with_types: bool = True) -> dict[str, set[str]]:
     graph: dict[str, set[str]] = {}
     for module, path in modules.items():
         own = graph.setdefault(module, set())
-        for node, for_types in imports(path):
-            if for_types and not with_types:
-                continue
+        code = outline(path.read_text(encoding="utf-8"))
+        for node in code.imports if with_types else code.imports_when_run:
             if isinstance(node, ast.Import):
                 own |= {alias.name for alias in node.names} & set(modules)
             else:

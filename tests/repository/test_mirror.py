@@ -47,6 +47,7 @@ CONCEPTS = {
     "scene": "gltf_looks limits",
     "scene/description": "speckle",
     "scene/faults": "messages",
+    "studies": "sensitivity",
     "view": "reload window_view",
 }
 """By folder: what a test is named by that isn't a module."""

@@ -8,6 +8,8 @@ import sys
 import tomllib
 from pathlib import Path
 
+from tests.support.source_outline import outline
+
 TEXT_SUFFIXES = {
     ".py",
     ".wgsl",
@@ -78,15 +80,11 @@ def test_no_file_is_longer_than_400_lines(checkout: Path) -> None:
 
 def long_functions(text: str) -> list[tuple[str, int, int]]:
     """Functions that are too long, and their lines: without their docstring, and with it."""
-    found = []
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            first, documented = node.body[0], ast.get_docstring(node) is not None
-            whole = (node.end_lineno or 0) - node.lineno + 1
-            docstring = (first.end_lineno or 0) - first.lineno + 1 if documented else 0
-            if whole - docstring > 60 or whole > 80:
-                found.append((node.name, whole - docstring, whole))
-    return found
+    return [
+        (name, lines, whole)
+        for name, lines, whole in outline(text).functions
+        if lines > 60 or whole > 80
+    ]
 
 
 def test_no_function_is_longer_than_60_lines_and_80_with_its_docstring(checkout: Path) -> None:
@@ -119,10 +117,10 @@ def test_requirements_and_imports_agree(checkout: Path) -> None:
     names |= {"mpl_toolkits": "matplotlib", "yaml": "pyyaml"}
     imported = set()
     for path in sorted((checkout / "gpusim").rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in outline(path.read_text(encoding="utf-8")).imports:
             if isinstance(node, ast.Import):
                 imported |= {alias.name.split(".")[0] for alias in node.names}
-            elif isinstance(node, ast.ImportFrom) and not node.level and node.module:
+            elif not node.level and node.module:
                 imported.add(node.module.split(".")[0])
     imported -= set(sys.stdlib_module_names) | {"gpusim"}
     project = tomllib.loads((checkout / "pyproject.toml").read_text(encoding="utf-8"))["project"]

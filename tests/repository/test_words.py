@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import ast
 import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import gpusim
+from tests.support.source_outline import outline
 
 PACKAGE = Path(gpusim.__file__).parent
 
@@ -29,9 +29,8 @@ def named(path: Path) -> Iterator[tuple[str, str]]:
     """A module's own name and those of its classes, each with where it stands."""
     where = path.relative_to(PACKAGE).with_suffix("").as_posix().removesuffix("/__init__")
     yield where, where.rpartition("/")[2]
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ClassDef):
-            yield f"{where}:{node.name}", node.name
+    for name in outline(path.read_text(encoding="utf-8")).classes:
+        yield f"{where}:{name}", name
 
 
 def with_banned_words(paths: Iterable[Path]) -> set[str]:

@@ -54,6 +54,26 @@ def test_ten_thousand_samples_are_planned_at_once(tmp_path: Path) -> None:
     assert len(np.unique(plan.structures)) == 2
 
 
+def test_shaders_are_compiled_once_and_radiance_is_exposed_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("GPUSIM_NO_CACHE", "1")  # reference costs
+
+    def seconds(focals: int, repeats: int, backend: str) -> float:
+        parameter = f'key = "{FOCAL}"\nlist = {[29.0 + 0.01 * k for k in range(focals)]}\n'
+        head = f'scene = "bar.toml"\nbackend = "{backend}"\nrepeats = {repeats}\n'
+        study = load_study(write_study(tmp_path, f"{head}[[parameter]]\n{parameter}"))
+        return study_plan(study, samples_of(study)).seconds
+
+    one, many, repeated = (
+        [seconds(*counts, backend) for backend in ("numpy", "gpu")]
+        for counts in ((1, 1), (101, 1), (1, 101))
+    )
+    assert many[1] - one[1] == pytest.approx(many[0] - one[0]) and one[1] > one[0] + 1.0
+    # two pictures more of each sample: 0.1 s each to render, half of it to expose again
+    assert many[0] - repeated[0] == pytest.approx(200 * 0.05, rel=0.01)
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

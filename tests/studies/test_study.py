@@ -16,15 +16,16 @@ from typer.testing import CliRunner
 
 import gpusim as gs
 from gpusim.cli import app
-from gpusim.errors import InputError
+from gpusim.errors import InputError, SceneError
+from gpusim.files.input_file import InputFile
 from gpusim.files.output_folder import claim
 from gpusim.graph.graph import Graph
 from gpusim.graph.runner import Runner
-from gpusim.graph.store import Store
+from gpusim.graph.store import Record, Store
 from gpusim.pipeline.stages import measuring
 from gpusim.plan.scene_stages import scene_stages
 from gpusim.plan.stages import RunOptions
-from gpusim.studies import SampleTable, load_study, samples_of
+from gpusim.studies import SampleTable, load_study, passing, samples_of
 from gpusim.studies.rows import read_rows
 from tests.studies.small_studies import STUDY, write_study
 
@@ -220,3 +221,73 @@ def test_the_command_plans_tells_and_runs_one_sample(made: Made) -> None:
     assert states["solve"] == states["render/side/0001"] == states["measure"] == "reused"
     assert (folder / "out/samples/5/report.html").is_file()
     assert run_command("study", folder / "out", "--sample", "8").exit_code == 2
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_numbers_alone_stay(
+    made: Made, tmp_path: Path, workers: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(passing, "_TOGETHER", 1)
+    whole = made[1]
+    path = write_study(tmp_path, 'keep = "numbers"\n' + STUDY)
+    pictures = [0]
+
+    def count(*_: object) -> None:
+        blobs = (tmp_path / "out/.gpusim/blobs").glob("*/*")
+        pictures.append(sum(one.read_bytes()[:4] == b"\x89PNG" for one in blobs))
+
+    table = gs.study(path, tmp_path / "out", workers=workers, progress=count)
+    assert workers > 1 or 0 < max(pictures) < 12
+    assert pictures[-1] == 0
+    for name in whole.columns.keys() - {"seconds"}:
+        assert table[name].tolist() == whole[name].tolist()
+    samples = samples_of(load_study(path))
+    counts: Counter[str] = Counter()
+    for row in read_rows(tmp_path / "out", samples).values():
+        counts.update(row["made"])
+    assert (counts["solve"], counts["picture"]) == (2, 12)  # what is shared was there long enough
+    graph = Graph()
+    graph.add(scene_stages(samples[5].scene(load_study(path)), RunOptions("numpy")).stages)
+    store = Store(tmp_path / "out/.gpusim")
+    there = {
+        name: store.fault(graph.records[""][name][-1], name) is None
+        for name in ("solve", "picture/side", "measure/tip")
+    }
+    assert there == {"solve": True, "picture/side": False, "measure/tip": False}
+    pages = [out / "out/report.html" for out in (made[0], tmp_path)]
+    assert ['alt="sample' in page.read_text("utf-8") for page in pages] == [True, False]
+    logs = [read.read_bytes() for read in (tmp_path / "out/.gpusim/samples").iterdir()]
+    gs.study(path, tmp_path / "out")
+    assert [read.read_bytes() for read in (tmp_path / "out/.gpusim/samples").iterdir()] == logs
+    result = run_command("study", path, "-o", tmp_path / "out", "--sample", 5, "--quiet")
+    assert result.exit_code == 0, result.output
+    run = gs.run(samples[5].scene(load_study(path)), tmp_path / "run", backend="numpy")
+    assert len(run.measurements) > 0
+    for name in ("0000.png", "0001.png"):
+        picture = tmp_path / "out/samples/5/images/side" / name
+        assert picture.read_bytes() == (tmp_path / "run/images/side" / name).read_bytes()
+
+
+def test_numbers_alone_make_no_data_set(tmp_path: Path) -> None:
+    path = write_study(tmp_path, 'keep = "numbers"\n' + STUDY + "[dataset]\n")
+    with pytest.raises(SceneError, match=r"keep: leaves no pictures for \[dataset\]"):
+        load_study(path)
+
+
+def test_a_result_that_goes_meanwhile_is_made_again(
+    made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read, gone = Store.read, list[str]()
+
+    def unlucky(self: Store, record: Record, name: str) -> InputFile:
+        if name == "solution/displacement.npz" and not gone:
+            gone.append(name)
+            self.blob(record.files[name].sha256).unlink()
+        return read(self, record, name)
+
+    monkeypatch.setattr(Store, "read", unlucky)
+    table = gs.study(write_study(tmp_path), tmp_path / "out")
+    assert gone
+    assert table["status"].tolist() == ["done"] * 8
+    quantity = table.quantities[0]
+    assert table.of(quantity).tolist() == made[1].of(quantity).tolist()

@@ -51,7 +51,9 @@ def test_a_scene_and_a_study_are_told_apart(tmp_path: Path) -> None:
     path = write_study(tmp_path)
     with pytest.raises(GpusimError, match=r"bar\.toml: a scene, no study; expected a file with"):
         load_study(tmp_path / "bar.toml")
-    with pytest.raises(GpusimError, match=r"1 fault\n  scene: this is a study; expected .* study "):
+    with pytest.raises(
+        GpusimError, match=r"1 fault\n  scene: is that of a study; expected .*gpusim study"
+    ):
         load_scene(path)
 
 

@@ -189,15 +189,17 @@ def feature_matches(reference: Image, deformed: Image) -> tuple[Float, Float]:
     none = np.zeros((0, 2))
     if len(first[0]) < MIN_MATCHES or len(second[0]) < MIN_MATCHES:
         return none, none
-    matcher = cv2.BFMatcher(cv2.NORM_L2)
-    pairs = [p for p in matcher.knnMatch(first[1], second[1], k=2) if len(p) == 2]
-    forward = {p[0].queryIdx: p[0].trainIdx for p in pairs if p[0].distance < RATIO * p[1].distance}
-    back = {m.queryIdx: m.trainIdx for m in matcher.match(second[1], first[1])}
-    both = [(i, j) for i, j in forward.items() if back.get(j) == i]
-    if not both:
-        return none, none
-    i, j = np.array(both).T
-    return first[0][i], second[0][j]
+    # descriptors are whole numbers below 256: float32 holds squares of their distances exactly
+    square = first[1] @ second[1].T
+    square *= -2.0
+    square += np.sum(second[1] ** 2, axis=1)
+    square += np.sum(first[1] ** 2, axis=1)[:, None]
+    row, nearest, back = np.arange(len(square)), square.argmin(axis=1), square.argmin(axis=0)
+    least = square[row, nearest]
+    square[row, nearest] = np.inf
+    clear = np.sqrt(least) < np.float64(RATIO) * np.sqrt(square.min(axis=1))
+    i = row[clear & (back[nearest] == row)]
+    return first[0][i], second[0][nearest[i]]
 
 
 def global_shift(reference: Image, deformed: Image) -> Float:

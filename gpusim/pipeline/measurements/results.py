@@ -21,9 +21,10 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
-from gpusim.files.atomic_files import atomic_stream, safe_name, write_text
+from gpusim.files.atomic_files import safe_name, write_text
 from gpusim.files.input_file import InputFile, Reader, read_input
 from gpusim.files.output_folder import inside
+from gpusim.graph.stage import Output
 from gpusim.report import Drawing, Link, Measurement, Overlay, Series, Table
 from gpusim.scene import Scene
 
@@ -196,8 +197,13 @@ class Result:
         ``<name>: ...``, is its main number, and one with "RMS error" in its name its accuracy."""
         return Reported()
 
-    def write(self, folder: Path) -> list[Path]:
-        """``<name><ending>.csv`` of each table for people, ``<name>.npz`` with everything."""
+    def measurements(self, scene: Scene) -> Sequence[Measurement]:
+        """Those of its `report`, for who wants nothing else."""
+        return self.report(scene, Path()).measurements
+
+    def contents(self) -> dict[str, Output]:
+        """Its files by their names: ``<name><ending>.csv`` of each table for people, ``<name>.npz``
+        with everything."""
         arrays, rest = dict(self.table.columns), dict[str, Any]()
         for item in fields(self)[2:]:
             value = getattr(self, item.name)
@@ -206,10 +212,10 @@ class Result:
             (arrays if isinstance(value, np.ndarray) else rest)[item.name] = value
         table = [self.table.what, self.table.frames, self.table.points, [*self.table.columns]]
         arrays[_REST] = np.array(json.dumps([table, rest]))
-        path = inside(folder, f"{safe_name(self.name)}.npz")
-        with atomic_stream(path) as stream:
-            np.savez(stream, allow_pickle=False, **arrays)
-        return [*self.write_tables(folder), path]
+        stream, stem = io.BytesIO(), safe_name(self.name)
+        np.savez(stream, allow_pickle=False, **arrays)
+        files: dict[str, Output] = {f"{stem}.npz": stream.getvalue()}
+        return files | {f"{stem}{end}.csv": text.encode() for end, text in self.tables().items()}
 
     def write_tables(self, folder: Path) -> list[Path]:
         """The CSV files alone."""

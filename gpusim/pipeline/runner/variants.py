@@ -34,7 +34,7 @@ def compare_variants(execution: Execution) -> Report:
         started = time.perf_counter()
         execution.log.tell(spec.name, 0.0, "compares the variants")
         comparison = compare(spec, scene, recorded)
-        comparison.write(inside(execution.out, "measure"))
+        comparison.write_tables(inside(execution.out, "measure"))
         comparisons.append(comparison)
         seconds = time.perf_counter() - started
         stages.append(Stage(spec.name, "run", "compares the variants", seconds))

@@ -24,10 +24,10 @@ def measure(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     objects = scene_objects(scene, inputs, [one.shown for one in inputs.row], board)
     device = session.device if spec.correlates else None
     result = measured(spec, scene, objects, _sources(scene, inputs, device))
-    result.write(inputs.new_file("measure/-").parent)
     if session.results is not None:
         session.results[inputs.key] = result
-    return StageResult(inputs.new_files(), words=f"{spec.name}: {result.note}")
+    files = {f"measure/{name}": content for name, content in result.contents().items()}
+    return StageResult(files, words=f"{spec.name}: {result.note}")
 
 
 def _sources(scene: Scene, inputs: Inputs, device: Device | None) -> Sources:

@@ -33,6 +33,7 @@ _SENSOR = {"noise": {"seed", "read_noise_e", "dark_current_e_per_s", "dsnu_e", "
                      "full_well_e", "gain_DN_per_e", "preset"},
            "quantisation": {"bits", "black_level_DN"}}  # fmt: skip
 """Effects that aren't there while other sources are drawn, and what changes them."""
+_LEAST = 3  # draws of which there is a standard deviation to speak of
 RIG = "budget/rig.yml"  # the cameras as pairs measure with them
 # units of what counts or judges, and what names have that tell how well something is measured
 _NO_QUANTITIES = "1", "px^2"
@@ -120,18 +121,32 @@ def uncertainty_budget(study: Study, table: SampleTable) -> UncertaintyBudget:
         SourceDraws(one.name, one.parameters, one.values, of(one.name), one.degrees_of_freedom)
         for one in draw(scene, sources_of(scene, tables), tables)
     ]
-    told = remarks(scene)
-    failed = int(np.sum(table["status"] != "done"))
-    if failed:
-        told.append(f"{failed} of {len(table)} draws couldn't be measured and don't count.")
+    told = [*_known_by_files(scene), *remarks(scene)]
+    measured = np.ones(len(quantities), dtype=bool)
+    for name in [*(one.name for one in known), JOINT]:
+        lost = np.count_nonzero(np.isnan(of(name)), axis=0)
+        measured &= lost <= tables.draws - _LEAST
+        for count in sorted({*lost[lost > 0].tolist()}):
+            what = "; ".join(quantities[q][0] for q in np.flatnonzero(lost == count))
+            told.append(f"{count} of {tables.draws} draws of {name} don't count, with no {what}.")
+    got = f"fewer than {_LEAST} draws of a source with any number"
+    require(bool(measured.any()), f"budget: scene {scene.name!r}", got, " ".join(told))
     return UncertaintyBudget(
-        quantities,
-        of("")[0],
-        tuple(known),
-        of(JOINT),
+        tuple(one for one, kept in zip(quantities, measured, strict=True) if kept),
+        of("")[0, measured],
+        tuple(replace(one, errors=one.errors[:, measured]) for one in known),
+        of(JOINT)[:, measured],
         coverage=tables.coverage,
         remarks=tuple(told),
     )
+
+
+def _known_by_files(scene: Scene) -> list[str]:
+    """Of cameras whose lens and pose sources don't know, in sentences."""
+    return [
+        f"Camera {one.name!r} is described by a file: that its lens and pose aren't known exactly "
+        "doesn't count." for one in scene.cameras if one.calibration
+    ]  # fmt: skip
 
 
 def report_budget(study: Study, table: SampleTable, out: Path) -> None:

@@ -45,7 +45,7 @@ def draw(scene: Scene, sources: Sources, tables: BudgetTable) -> list[SourceValu
     document, count = scene.document, tables.draws
     items = _ITEMS * sum(len(own.keys) for group in sources.values() for own in group)
     points = qmc.Sobol(max(items, 1), rng=tables.seed).random_base2((count - 1).bit_length())
-    evenly, found = iter(points[:count].T), []
+    evenly, found, owners = iter(points[:count].T), [], dict[str, str]()
     for name, group in sources.items():
         nominal: Overrides = {}
         changes: dict[str, list[Any]] = {}
@@ -54,6 +54,9 @@ def draw(scene: Scene, sources: Sources, tables: BudgetTable) -> list[SourceValu
             nominal |= own.set
             common = next(evenly) if own.together or own.choices else None
             for key in own.keys:
+                got, where = f"a key of {owners.get(key)!r}, too", f"budget source {name!r}: {key}"
+                require(key not in owners, where, got, "each key in one source")
+                owners[key] = name
                 nominal.setdefault(key, pick(document, key))
                 changes[key], numbers = _drawn(own, key, nominal[key], evenly, common, count)
                 columns |= numbers

@@ -9,6 +9,7 @@ Welch and Satterthwaite (G.4.1), expanded uncertainty (6.2.1); and after its Sup
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -20,8 +21,10 @@ from gpusim.arrays.array_types import Float
 from gpusim.validation import require
 
 ADDITIVE = 0.05  # relative difference from which on sources count as acting on each other
-_TOLD = ("combined", "freedom", "factor", "expanded", "joint_uncertainty", "bias", "interval",
-         "correlation")  # fmt: skip
+_RESAMPLED = 200
+"""Sets of draws that tell by how much chance alone makes such a difference."""
+_TOLD = ("combined", "freedom", "factor", "expanded", "joint_uncertainty", "ratio_uncertainty",
+         "bias", "interval", "correlation")  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +101,8 @@ class UncertaintyBudget:
         Standard uncertainty with all sources together, less what draws of different sources have in
         common by chance (their sum is a control variate, whose variance is known to be that of the
         combined uncertainty); the mean error, by which a result is to be corrected.
+    ratio_uncertainty : (Q,) float64
+        Standard uncertainty of ``joint_uncertainty / combined``, by bootstrap over the draws.
     interval : (2, Q) float64
         What holds the joint errors by the coverage, as many below as above it.
     correlation : (Q, Q) float64
@@ -134,12 +139,10 @@ class UncertaintyBudget:
         self.quantities, self.nominal, self.sources = quantities, nominal, sources
         self.joint, self.coverage, self.remarks = joint, coverage, remarks
         alone = np.array([one.errors for one in sources])
-        added = np.sum(alone - nominal, axis=0)
-        known = np.where(np.isfinite(added + joint), 1.0, np.nan)
         self.uncertainties = np.array([one.uncertainty for one in sources])
         self.biases = np.nanmean(alone, axis=1) - nominal
         squares = self.uncertainties**2
-        self.combined = np.sqrt(squares.sum(axis=0))
+        self.combined, self.joint_uncertainty = _sums(alone - nominal, joint)
         with np.errstate(divide="ignore", invalid="ignore"):
             self.shares = squares / self.combined**2
             terms = squares**2 / np.array([one.freedom for one in sources])
@@ -147,9 +150,10 @@ class UncertaintyBudget:
         freedom = np.nan_to_num(self.freedom, nan=np.inf)
         self.factor = np.asarray(student.ppf(0.5 + 0.5 * coverage, freedom))
         self.expanded = self.factor * self.combined
-        by_chance = np.nanvar(known * added, axis=0, ddof=1) - self.combined**2
-        variance = np.nanvar(known * joint, axis=0, ddof=1) - by_chance
-        self.joint_uncertainty = np.sqrt(np.maximum(variance, 0.0))
+        rows = np.random.default_rng(0).integers(len(joint), size=(_RESAMPLED, len(joint)))
+        with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):  # no two draws
+            drawn = [_sums(alone[:, row] - nominal, joint[row]) for row in rows]
+            self.ratio_uncertainty = np.nanstd([one / root for root, one in drawn], axis=0)
         self.bias = np.nanmean(joint, axis=0)
         ends = 0.5 - 0.5 * coverage, 0.5 + 0.5 * coverage
         self.interval = np.nanquantile(joint, ends, axis=0)
@@ -175,10 +179,11 @@ class UncertaintyBudget:
                 f"The mean error, {rounded(bias, combined)} {unit}, is larger than that: correct "
                 "results by it, or mend what makes it (`gpusim explain`, `gpusim budget`)."
             )
-        if not abs(joint / combined - 1.0) <= ADDITIVE:
+        ratio, chance = joint / combined, float(self.ratio_uncertainty[quantity])
+        if not abs(ratio - 1.0) <= max(ADDITIVE, 2.0 * chance):
             told.append(
-                f"Together the sources make {joint / combined:.2f} of what their squares add up "
-                "to: they act on each other."
+                f"Together the sources make {ratio:.2f} of what their squares add up to (chance "
+                f"alone: 1 +- {chance:.2f}): they act on each other."
             )
         return " ".join(told)
 
@@ -223,6 +228,17 @@ def rounded(value: float, uncertainty: float | None = None) -> str:
         return f"{value:.2g}"
     digits = 1 - math.floor(math.log10(float(f"{size:.1e}")))
     return f"{round(value, digits):z.{max(digits, 0)}f}"
+
+
+def _sums(alone: Float, joint: Float) -> tuple[Float, Float]:
+    """Root of the sum of squares, and uncertainty of the ``joint`` errors (N, Q) less what draws of
+    the sources ``alone`` (S, N, Q) have in common by chance."""
+    squares = np.nanvar(alone, axis=1, ddof=1).sum(axis=0)
+    added = alone.sum(axis=0)
+    known = np.where(np.isfinite(added + joint), 1.0, np.nan)
+    by_chance = np.nanvar(known * added, axis=0, ddof=1) - squares
+    variance = np.nanvar(known * joint, axis=0, ddof=1) - by_chance
+    return np.sqrt(squares), np.sqrt(np.maximum(variance, 0.0))
 
 
 def _correlation(first: Float, second: Float) -> Float:

@@ -37,13 +37,11 @@ def test_distributions() -> None:
     tables = budget(
         source("focus", "camera.left.focal_mm", "camera.right.focal_mm", normal=0.1),
         source("place", "camera.left.position_mm", half_width=3.0, degrees_of_freedom=8.0),
-        source("warmth", "camera.left.focal_mm", "camera.right.focal_mm", percent=1.0,
-               together=True),
         source("subset", "measure.field.subset_px", choices=[19, 21, 23]),
         source("speckle", "prop.plate.paint.speckle.seed", seeds=True),
         draws=1024,
     )  # fmt: skip
-    focus, place, warmth, subset, speckle = draw(scene, sources_of(scene, tables), tables)
+    focus, place, subset, speckle = draw(scene, sources_of(scene, tables), tables)
     # as exact as Sobol points are: far better than 1 / sqrt(2 N)
     np.testing.assert_allclose(focus.values.mean(axis=0), 12.0, atol=1e-3)
     np.testing.assert_allclose(focus.values.std(axis=0), 0.1, rtol=0.01)
@@ -51,7 +49,6 @@ def test_distributions() -> None:
     assert place.parameters[2] == "camera.left.position_mm.2" and place.degrees_of_freedom == 8.0
     np.testing.assert_allclose(place.values.mean(axis=0), [-20.0, 0.0, 200.0], atol=0.01)
     np.testing.assert_allclose(place.values.std(axis=0), 3.0 / np.sqrt(3.0), rtol=0.01)
-    np.testing.assert_array_equal(warmth.values[:, 0], warmth.values[:, 1])
     counts = np.unique(subset.values, return_counts=True)[1]
     assert sorted(counts.tolist()) == [341, 341, 342]
     assert [one["prop.plate.paint.speckle.seed"] for one in speckle.overrides[:2]] == [1, 2]
@@ -60,6 +57,17 @@ def test_distributions() -> None:
     assert every[7] == focus.overrides[7] | place.overrides[7]
     again = draw(scene, sources_of(scene, tables), tables)
     assert again[1].overrides == place.overrides
+
+
+def test_keys_that_are_off_together_and_keys_of_two_sources() -> None:
+    scene, keys = plate(), ("camera.left.focal_mm", "camera.right.focal_mm")
+    warmth = source("warmth", *keys, percent=1.0, together=True)
+    tables = budget(warmth, draws=16)
+    (found,) = draw(scene, sources_of(scene, tables), tables)
+    np.testing.assert_array_equal(found.values[:, 0], found.values[:, 1])
+    twice = budget(warmth, source("focus", keys[1], normal=0.1))
+    with pytest.raises(InputError, match=r"focal_mm; got a key of 'warmth', too; expected each"):
+        draw(scene, sources_of(scene, twice), twice)
 
 
 def test_sources_that_a_scene_has() -> None:

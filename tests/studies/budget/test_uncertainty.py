@@ -82,6 +82,24 @@ def test_sources_that_act_on_each_other_are_told() -> None:
     assert "correct results by it" in shifted.advice(0)
 
 
+def test_what_chance_does_is_not_taken_for_more() -> None:
+    """Noise that is another one where all are drawn together: half of such budgets are off by more
+    than 5 %, by as much as each says of itself."""
+    rng, ratios, chances, claims = np.random.default_rng(4), [], [], 0
+    for _ in range(40):
+        lens, noise, other = rng.normal(size=(3, 64, 1))
+        alone = tuple(
+            SourceDraws(name, (name,), one, one)
+            for name, one in (("lens", 0.5 * lens), ("noise", noise))
+        )
+        budget = UncertaintyBudget(LENGTH, np.zeros(1), alone, 0.5 * lens + other)
+        ratios.append(budget.joint_uncertainty[0] / budget.combined[0])
+        chances.append(budget.ratio_uncertainty[0])
+        claims += "act on each other" in budget.advice(0)
+    assert np.std(ratios) == pytest.approx(np.mean(chances), rel=0.3) and np.std(ratios) > 0.08
+    assert np.mean(np.abs(np.array(ratios) - 1.0) > 0.05) > 0.3 and claims <= 5
+
+
 def test_nothing_varies_and_too_few_draws() -> None:
     still = SourceDraws("noise", ("seed",), np.full((5, 1), np.nan), np.zeros((5, 1)))
     budget = UncertaintyBudget(LENGTH, np.zeros(1), (still,), np.zeros((5, 1)))

@@ -106,10 +106,6 @@ class DamageResult(Result):
         breaks = [row for line in self.lines for row in _breaks(line)]
         return {"": self.table.csv(), "-breaks": csv_text(_BREAKS, breaks)}
 
-    def write(self, folder: Path) -> list[Path]:
-        """Its tables; no run reads it again."""
-        return self.write_tables(folder)
-
     def report(self, scene: Scene, out: Path) -> Reported:
         """Places of notches, noise, lines and differences."""
         links = [

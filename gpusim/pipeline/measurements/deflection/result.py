@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -126,15 +126,15 @@ class DeflectionResult(MarkerResult):
             for d in ("", "d")
         )
         overlays, crops = self.pictured(scene, out, {self.camera: (points, moved)}, self.mm_per_px)
+        title = f"displacement along {self.direction}"
+        lines = [*self._lines(), *self.histories(scene, title, *self._compared())]
+        return Reported(self.measurements(scene), lines, overlays, crops=crops)
+
+    def _compared(self) -> Iterator[Float]:
+        """What was measured and what is true (F, M) along the measure's direction."""
         k, sign = self._along()
-        measured, true = (
-            sign * self.table.vectors(what)[..., k] + 0.0 for what in ("measured", "true")
-        )  # 0, not -0
-        histories = self.histories(scene, f"displacement along {self.direction}", measured, true)
-        return Reported(
-            self._measurements(measured[-1], true[-1]), [*self._lines(), *histories], overlays,
-            crops=crops,
-        )  # fmt: skip
+        for what in ("measured", "true"):
+            yield sign * self.table.vectors(what)[..., k] + 0.0  # 0, not -0
 
     def _along(self) -> tuple[int, float]:
         """Which image axis the measure's direction is, and its sign against that axis."""
@@ -143,9 +143,11 @@ class DeflectionResult(MarkerResult):
                 return k, 1.0 if axis[0] == self.direction[0] else -1.0
         return 1, 1.0
 
-    def _measurements(self, measured: Float, truth: Float) -> list[Measurement]:
-        """``measured`` and ``truth`` (M,) along the measure's direction."""
+    def measurements(self, scene: Scene) -> Sequence[Measurement]:
+        """Of the last marker, the one that moved most, and all."""
+        del scene
         name, marker = self.name, self.marker
+        measured, truth = (values[-1] for values in self._compared())
         rows = [(f"{marker[-1]}, {self.direction}", "mm", measured[-1], truth[-1])]
         length = np.linalg.norm(self.true_mm, axis=1)
         most = int(np.argmax(length))

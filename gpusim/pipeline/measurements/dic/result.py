@@ -3,6 +3,7 @@ report says."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -12,14 +13,15 @@ import scipy
 
 from gpusim import measure
 from gpusim.export.images import encoded_picture
-from gpusim.files.atomic_files import atomic_path, safe_name, write_bytes
+from gpusim.files.atomic_files import safe_name, write_bytes
 from gpusim.files.hdf5_file import writing_hdf5
 from gpusim.files.output_folder import inside
+from gpusim.graph.stage import Output
 from gpusim.pipeline.measurements.dic import statistics
 from gpusim.pipeline.measurements.dic.point_fields import PointFields
 from gpusim.pipeline.measurements.results import Reported, csv_text, mean, rms
 from gpusim.pipeline.pictures.file_names import image_path
-from gpusim.report import Drawing, Figure, Series
+from gpusim.report import Drawing, Figure, Measurement, Series
 from gpusim.report.advice import CAPTION, advice_curves, reason
 from gpusim.report.field_maps import ComparedField, draw_compared_fields, draw_differences
 from gpusim.scene import Scene
@@ -68,28 +70,32 @@ class FullFieldResult(PointFields):
             texts[""] = replace(self.table, columns=self.maps()).csv()
         return texts
 
-    def write(self, folder: Path) -> list[Path]:
+    def contents(self) -> dict[str, Output]:
         """Tables, and the maps on their grid in the formats that were asked for."""
-        paths, wanted = super().write(folder), [one for one in self.formats if one in ("h5", "mat")]
-        gridded = self.grids() if wanted else {}
-        for suffix in wanted:
-            paths.append(inside(folder, f"{safe_name(self.name)}.{suffix}"))
-            with atomic_path(paths[-1]) as part:
-                if suffix == "mat":
-                    scipy.io.savemat(str(part), gridded, appendmat=False, do_compression=True)
-                    continue
-                with writing_hdf5(part) as file:
-                    for name, values in gridded.items():
-                        data = file.create_dataset(name, data=values, compression="gzip")
-                        data.attrs["unit"] = name_and_unit(name)[1] or "1"
-                    file.attrs["axes"] = ", ".join(self.axes)
-        return paths
+        stem, wanted = safe_name(self.name), [one for one in self.formats if one in ("h5", "mat")]
+        return super().contents() | {f"{stem}.{suffix}": self._write_grids for suffix in wanted}
+
+    def _write_grids(self, path: Path) -> None:
+        gridded = self.grids()
+        if path.suffix == ".mat":
+            scipy.io.savemat(str(path), gridded, appendmat=False, do_compression=True)
+            return
+        with writing_hdf5(path) as file:
+            for name, values in gridded.items():
+                data = file.create_dataset(name, data=values, compression="gzip")
+                data.attrs["unit"] = name_and_unit(name)[1] or "1"
+            file.attrs["axes"] = ", ".join(self.axes)
 
     def report(self, scene: Scene, out: Path) -> Reported:
         """The last frame's numbers and maps, and how errors and mean strains went over frames."""
         picture = image_path(scene, out, self.cameras[0], 0)
         figures = self._figures(picture, inside(out, "figures"))
-        return Reported(statistics.measurements(self), self._series(scene), figures=figures)
+        return Reported(self.measurements(scene), self._series(scene), figures=figures)
+
+    def measurements(self, scene: Scene) -> Sequence[Measurement]:
+        """The last frame's numbers."""
+        del scene
+        return statistics.measurements(self)
 
     def _figures(self, picture: Path, folder: Path) -> list[Drawing]:
         """Maps of the last frame, and the histogram of the differences."""

@@ -150,7 +150,6 @@ def _strains(result: PointFields) -> Iterator[Row]:
         measured, smooth, true = (MICROSTRAIN * result.table[f"{one}_{name}"][-1] for one in kinds)
         known = np.isfinite(measured)
         if abs(mean(smooth[known])) > LEAST_MEAN * rms(true[known]):
-            told = f"mean {name} (x along {result.strain_axis})"
-            yield told, MICRO_UNIT, mean(measured), mean(smooth[known])
+            yield f"mean {name}", MICRO_UNIT, mean(measured), mean(smooth[known])
         yield f"error of {name} at the points, RMS", MICRO_UNIT, rms(measured - true), 0.0
         yield f"error of {name} beyond smoothing, RMS", MICRO_UNIT, rms(measured - smooth), 0.0

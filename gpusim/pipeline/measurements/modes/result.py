@@ -84,8 +84,8 @@ class ModesResult(Result):
             Overlay(f"{self.name}: {title}", picture, self.points_px, size * shape)
             for title, size, shape in zip(self._titles(), sizes, self.shapes, strict=True)
         ]
-        measurements, lines = [*self._measurements()], [*self._lines()]
-        return Reported(measurements, lines, overlays, tables=[self._summary()])
+        lines, tables = [*self._lines()], [self._summary()]
+        return Reported(self.measurements(scene), lines, overlays, tables=tables)
 
     @property
     def _columns(self) -> dict[str, list[float]]:
@@ -107,8 +107,12 @@ class ModesResult(Result):
         rows = zip(self.table.points, self.table["measured_frequency_Hz"][-1], strict=True)
         return [f"{mode}, {frequency:.5g} Hz" for mode, frequency in rows]
 
-    def _measurements(self) -> Iterator[Measurement]:
+    def measurements(self, scene: Scene) -> Sequence[Measurement]:
         """Of every mode; its MAC, if there is one, is compared with 1."""
+        del scene
+        return [*self._measurements()]
+
+    def _measurements(self) -> Iterator[Measurement]:
         table = self._columns
         for k, mode in enumerate(self.table.points):
             for what, unit, scale, measured, true in (

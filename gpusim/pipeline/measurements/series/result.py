@@ -5,7 +5,7 @@ Strains are told in um/m.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -77,16 +77,20 @@ class SeriesResult(Result):
         reference picture."""
         picture = image_path(scene, out, self.cameras[0], 0)
         seen = Overlay(f"{self.name}: tracked subsets", picture, self.points_px, self.moved_px)
-        return Reported([*self._measurements()], [*self._series(scene)], [seen])
+        return Reported(self.measurements(scene), [*self._series(scene)], [seen])
 
     def _title(self, quantity: str, place: str, *, place_first: bool = False) -> str:
         """Of a number or a curve; the only place of a measure has no name of its own."""
         parts = [quantity] if place == self.table.what else [quantity, place]
         return f"{self.name}: {', '.join(reversed(parts) if place_first else parts)}"
 
-    def _measurements(self) -> Iterator[Measurement]:
+    def measurements(self, scene: Scene) -> Sequence[Measurement]:
         """Of the place where the main quantity is largest, of all places if they are few, and the
         error of all of them in all frames."""
+        del scene
+        return [*self._measurements()]
+
+    def _measurements(self) -> Iterator[Measurement]:
         told = [self.told(one) for one in self.quantities]
         main = told[0][1]
         # what is largest comes first: a deflection, not how far the line moved along itself

@@ -3,7 +3,7 @@ report says."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -113,19 +113,20 @@ class StereoResult(MarkerResult):
         marker moved over several frames."""
         views = zip(self.points_px, self.moved_px[-1], strict=True)
         overlays, crops = self.pictured(scene, out, dict(zip(self.cameras, views, strict=True)))
-        measured, true = (
-            np.linalg.norm(self.table.vectors(what), axis=-1) for what in ("measured", "true")
-        )
-        histories = self.histories(scene, "total displacement", measured, true)
+        histories = self.histories(scene, "total displacement", *self._lengths())
         figures = self._figures(inside(out, "figures"))
-        return Reported(
-            self._measurements(measured[-1], true[-1]), histories, overlays, figures, crops
-        )
+        return Reported(self.measurements(scene), histories, overlays, figures, crops)
 
-    def _measurements(self, measured: Float, true: Float) -> list[Measurement]:
-        """The free end's displacement, the error of all markers, and the calibration; ``measured``
-        and ``true``: lengths (M,)."""
+    def _lengths(self) -> Iterator[Float]:
+        """Of the measured and of the true displacements (F, M), mm."""
+        for what in ("measured", "true"):
+            yield np.linalg.norm(self.table.vectors(what), axis=-1)
+
+    def measurements(self, scene: Scene) -> Sequence[Measurement]:
+        """The free end's displacement, the error of all markers, and the calibration."""
+        del scene
         name, marker = self.name, self.marker[-1]
+        measured, true = (lengths[-1] for lengths in self._lengths())
         rows = [
             Measurement.compare(
                 f"{name}: {marker}, total", "mm", float(measured[-1]), float(true[-1]),
