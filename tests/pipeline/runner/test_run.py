@@ -192,7 +192,6 @@ def test_without_shortcuts_nothing_is_reused(done: tuple[gs.Report, Path], scene
     assert "reused" not in states(run(scene, copy, skip=False)).values()
 
 
-@pytest.mark.drawn
 def test_overexposed_markers_are_warned_of(scene: gs.Scene, tmp_path: Path) -> None:
     plain = scene.replace("output.truth", []).replace("output.vtu", False)
     right = run(plain, tmp_path / "right")
@@ -203,7 +202,8 @@ def test_overexposed_markers_are_warned_of(scene: gs.Scene, tmp_path: Path) -> N
     same = (tmp_path / place / "images/side/0001.png" for place in ("right", "copied"))
     assert len({path.read_bytes() for path in same}) == 1
     bright = plain.replace("sensor.exposure", 1.3 * chosen[1])
-    report = run(bright, tmp_path / "bright")
+    with figures_drawn():
+        report = run(bright, tmp_path / "bright")
     assert right.warnings == ()
     assert any("saturated pixels on side-0" in text for text in report.warnings)
 
