@@ -78,8 +78,11 @@ def philox(counter: U32, key: U32) -> U32:
 
 
 def uniform_of(words: U32) -> Single:
-    """Words as numbers in (0, 1): multiples of 2^-24 plus half of one."""
-    return ((words >> np.uint32(8)).astype(np.float32) + np.float32(0.5)) * np.float32(2.0**-24)
+    """Words as numbers in (0, 1): multiples of 2^-24 plus half of one, but for the last, which
+    would be rounded to 1."""
+    shares = ((words >> np.uint32(8)).astype(np.float32) + np.float32(0.5)) * np.float32(2.0**-24)
+    below: Single = np.minimum(shares, np.float32(1.0 - 2.0**-24))
+    return below
 
 
 # M. Giles, "Approximating the erfinv function", GPU Computing Gems, 2011, single precision

@@ -25,7 +25,7 @@ fn philox(counter: vec4u, key: vec2u) -> vec4u {
     return c;
 }
 
-// A word as a number in (0, 1), a multiple of 2^-24 plus half of one.
+// A word as a number in (0, 1), a multiple of 2^-24 plus half of one, but for the last, which would be rounded to 1.
 fn uniform_of(word: u32) -> f32 {
-    return (f32(word >> 8u) + 0.5) * 5.9604644775390625e-8;
+    return min((f32(word >> 8u) + 0.5) * 5.9604644775390625e-8, 0.999999940395355224609375);
 }

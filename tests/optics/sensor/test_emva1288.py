@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +14,13 @@ import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.optics.frame import Band
-from gpusim.optics.sensor.emva1288 import CAMERAS, normal_quantile, philox, poisson_quantile
+from gpusim.optics.sensor.emva1288 import (
+    CAMERAS,
+    normal_quantile,
+    philox,
+    poisson_quantile,
+    uniform_of,
+)
 
 SHAPE = (150, 200)
 
@@ -121,6 +128,19 @@ def test_pattern_noise_stays_and_has_its_size(device: Device) -> None:
     gains = stack - dark[0]
     expected = np.hypot(0.01 * 32_517.0, np.sqrt(32_517.0 / 12.0))
     assert np.std(gains) == pytest.approx(expected, rel=0.03)
+
+
+def test_the_last_of_the_random_words_is_no_certainty(device: Device) -> None:
+    """Its share would be rounded to 1, whose quantile is infinite: a dead pixel in five million.
+    Seed and pixel were searched for."""
+    seed, place = 30, 13_370
+    key = np.array([seed, crc32(b"left")], np.uint32)
+    word = philox(np.array([place, 0, 0, 0], np.uint32), key)[1:2]
+    assert word[0] >> 8 == 2**24 - 1 and uniform_of(word)[0] < 1.0
+    assert normal_quantile(uniform_of(word))[0] == pytest.approx(5.29, abs=0.1)
+    sensor = gs.Sensor(16, full_scale=1.0, gain=1.0, read_noise=20.0, black_level=500.0)
+    image = sensor.expose(frame_of(device, 0.0), seed=seed)
+    np.testing.assert_allclose(image.ravel()[place], 500.0 + 20.0 * 5.29, atol=3.0)
 
 
 def test_dark_current_adds_its_signal_and_its_noise(device: Device) -> None:
