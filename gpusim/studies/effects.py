@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -100,6 +101,25 @@ def effect(values: Float, levels: Levels, is_error: bool) -> Effect:
         means = np.sqrt(means)
         sigmas = np.divide(sigmas, 2.0 * means, out=np.zeros_like(means), where=means > 0.0)
     return Effect(levels, means, sigmas, counts, share)
+
+
+def association(
+    one: Levels, other: Levels, among: npt.NDArray[Any], by_chance: bool = False
+) -> float:
+    """How much the values of two parameters go together ``among`` some samples (S,) bool, 0 to 1:
+    Cramer's V; of values drawn ``by_chance`` less what chance makes of few samples (Bergsma, J.
+    Korean Stat. Soc. 42 (2013) 323)."""
+    counts = np.zeros((len(one.labels), len(other.labels)))
+    np.add.at(counts, (one.of[among], other.of[among]), 1.0)
+    counts = counts[counts.any(axis=1)][:, counts.any(axis=0)]
+    if min(counts.shape) < 2:
+        return 0.0
+    size, less = counts.sum(), np.array(counts.shape) - 1.0
+    expected = np.outer(counts.sum(axis=1), counts.sum(axis=0)) / size
+    chance = by_chance / (size - 1.0)
+    excess = ((counts - expected) ** 2 / expected).sum() / size - chance * less.prod()
+    side = float((less - chance * less**2).min())
+    return float(np.sqrt(max(excess, 0.0) / side)) if side > 0.0 else 0.0
 
 
 def interaction(values: Float, one: Levels, other: Levels, is_error: bool) -> list[Effect]:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from gpusim._version import __version__
 from gpusim.arrays.array_types import Float
@@ -23,6 +24,7 @@ from gpusim.report.text import plain_data
 from gpusim.studies.effects import (
     Effect,
     SobolIndices,
+    association,
     effect,
     interaction,
     levels_of,
@@ -41,6 +43,8 @@ _MOST_AXES = 7
 _SHOWN = 5
 """Rows of best points and worst samples."""
 _MOST_FAILURES = 30
+_TOGETHER = 0.3
+"""Association from which on effects of two parameters aren't told apart by looking at one."""
 
 Pictures = Callable[[int], Path | None]
 """A picture of a sample, by its number in the table; None if there is none."""
@@ -95,7 +99,9 @@ def write_study_report(study: Study, table: SampleTable, out: PathLike, pictures
         "schema": 1, "version": __version__, "study": Path(study.source).stem,
         "samples": len(table), "parameters": list(table.parameters),
         "counts": {state: int(np.sum(status == state)) for state in sorted(set(status.tolist()))},
-        "findings": findings, "failures": failures, "seconds": float(np.nansum(table["seconds"])),
+        "keys": {one.name: one.key for one in study.tables.parameter if one.name},
+        "mixed": _mixed(study, table, status == "done"), "findings": findings, "failures": failures,
+        "seconds": float(np.nansum(table["seconds"])),
     }  # fmt: skip
     write_text(inside(folder, "report.json"), json.dumps(plain_data(told), indent=2) + "\n")
     store = FigureStore(figures)
@@ -119,6 +125,17 @@ def main_quantities(quantities: Sequence[tuple[str, str]]) -> list[tuple[str, st
         )
     in_turn = [one for row in zip_longest(*found) for one in row if one is not None]
     return in_turn[:_MOST_QUANTITIES]
+
+
+def _mixed(study: Study, table: SampleTable, done: npt.NDArray[Any]) -> list[list[str]]:
+    """Pairs of parameters that weren't varied independently of each other."""
+    levels = [levels_of(table, name) for name in table.parameters]
+    drawn = {one.label for one in study.tables.drawn}
+    return [
+        [one.parameter, other.parameter]
+        for one, other in combinations([one for one in levels if len(one.labels) > 1], 2)
+        if association(one, other, done, bool(drawn & {one.parameter, other.parameter})) > _TOGETHER
+    ]
 
 
 def _finding(

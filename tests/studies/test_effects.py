@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from scipy.stats import qmc, sobol_indices
 
-from gpusim.studies.effects import MOST_LEVELS, effect, interaction, levels_of, response, sobol
+from gpusim.studies.effects import (
+    MOST_LEVELS,
+    association,
+    effect,
+    interaction,
+    levels_of,
+    response,
+    sobol,
+)
 from gpusim.studies.table import SampleTable
 from tests.studies.tables import table_of
 
@@ -91,6 +99,25 @@ def test_interaction_is_the_effect_at_each_level_of_the_other() -> None:
     assert np.isnan(coarse.values[0]) and coarse.values[1] == pytest.approx(2, rel=0.1)
     assert fine.values[0] == pytest.approx(1, rel=0.1) and np.isnan(fine.values[1:]).all()
     assert not levels_of(table, "shape").are_numbers
+
+
+def test_parameters_that_go_together() -> None:
+    """Crossed ones don't, whatever chance does; of one by the other, they do wholly."""
+    rng = np.random.default_rng(5)
+    a, b, few = rng.integers(3, size=60), rng.random(60), rng.random((2, 40))
+    table = table_of({"a": a, "b": b, "c": 2 * a}, {("m: e", "mm"): b})
+    one, other, same = (levels_of(table, name) for name in "abc")
+    every = np.ones(60, bool)
+    assert association(one, other, every, True) < 0.2
+    assert association(one, same, every) == pytest.approx(1.0, abs=0.05)
+    assert association(one, same, one.of == 1) == 0.0
+    assert association(one, same, (one.of == 0) | (one.of == 1)) > 0.9
+    pair = table_of({"x": few[0], "y": few[1]}, {("m: e", "mm"): few[0]})
+    assert association(levels_of(pair, "x"), levels_of(pair, "y"), every[:40], True) < 0.3
+    x, y = np.array([1, 1, 2, 2, 3, 3, 3, 3.0]), np.array([1, 1, 1, 1, 1, 1, 2, 2.0])
+    some = table_of({"x": x, "y": y}, {("m: e", "mm"): x})
+    found = association(levels_of(some, "x"), levels_of(some, "y"), every[:8])
+    assert found == pytest.approx(np.sqrt(1.0 / 3.0))  # chi-squared of 8 / 3 in 8 samples
 
 
 def test_what_has_no_truth_is_told_by_its_mean() -> None:
