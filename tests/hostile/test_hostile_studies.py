@@ -32,7 +32,7 @@ LIMIT_S = 5.0 * LIMIT
 """After which nothing comes any more: a worker's death costs a start, on a machine that is busy."""
 STUDY = f"""scene = "bar.toml"
 backend = "numpy"
-repeats = 5
+repeats = {max(2, share(5))}
 [[parameter]]
 key = "{YOUNG}"
 list = [60.0, 65.0, 70.0, 75.0]

@@ -33,7 +33,10 @@ def measured_run(run_folder: Path, tmp_path: Path) -> Path:
         "sigma_px": np.full((1, len(X)), 0.003),
     }  # fmt: skip
     names = tuple(f"p{k}" for k in range(len(X)))
-    FieldResult("dic", PointTable("point", (1,), names, columns), ("side",)).write(out / "measure")
+    result = FieldResult("dic", PointTable("point", (1,), names, columns), ("side",))
+    for name, content in result.contents().items():
+        assert isinstance(content, bytes)
+        (out / "measure" / name).write_bytes(content)
     return out
 
 
