@@ -17,7 +17,7 @@ from gpusim.graph.stage import digest
 from gpusim.optics.calibration.formats import calibration_text
 from gpusim.pipeline.scene_objects.cameras import build_camera
 from gpusim.scene import Scene
-from gpusim.scene.effects import without_effects
+from gpusim.scene.effects import EFFECTS, without_effects
 from gpusim.studies.budget.draws import Overrides, SourceValues, draw, together
 from gpusim.studies.budget.identifiability import remarks
 from gpusim.studies.budget.page import write_budget
@@ -29,9 +29,8 @@ from gpusim.studies.study_tables import Study
 from gpusim.studies.table import SampleTable
 from gpusim.validation import require
 
-_SENSOR = {"noise": {"seed", "read_noise_e", "dark_current_e_per_s", "dsnu_e", "prnu_percent",
-                     "full_well_e", "gain_DN_per_e", "preset"},
-           "quantisation": {"bits", "black_level_DN"}}  # fmt: skip
+_STEPS = {"bits", "black_level_DN"}  # keys of a sensor that make steps of grey, or move them
+_SENSOR = {"noise": EFFECTS["noise"].changes["sensor"].keys() - _STEPS, "quantisation": _STEPS}
 """Effects that aren't there while other sources are drawn, and what changes them."""
 _LEAST = 3  # draws of which there is a standard deviation to speak of
 RIG = "budget/rig.yml"  # the cameras as pairs measure with them
